@@ -1,0 +1,42 @@
+# PointTrackNet: `make demo` shows it, `make test` proves it. See README.md.
+PYTHON ?= python3
+VENV   := .venv
+PY     := $(VENV)/bin/python
+STAMP  := $(VENV)/requirements.stamp
+PYTEST_FLAGS ?= -n 2 --dist worksteal
+
+.DEFAULT_GOAL := all
+.PHONY: all venv ops test test-fast lint format clean
+
+all: venv ops
+
+venv: $(STAMP)
+
+$(STAMP): requirements.txt requirements-lock.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; (3, 10) <= v <= (3, 13) or \
+	    sys.exit("make: Python 3.10 to 3.13 is needed, $(PYTHON) is %d.%d; try make PYTHON=python3.12" % v)'
+	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	@touch $@
+
+ops: $(STAMP)
+	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY))
+
+test: ops
+	$(PY) -m pytest $(PYTEST_FLAGS)
+
+test-fast: ops
+	$(PY) -m pytest $(PYTEST_FLAGS) -m "not slow"
+
+lint: $(STAMP)
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+
+format: $(STAMP)
+	$(PY) -m ruff check --fix .
+	$(PY) -m ruff format .
+
+clean:
+	@$(MAKE) --no-print-directory -C tf_ops clean
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

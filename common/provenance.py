@@ -1,0 +1,77 @@
+"""What made a figure: command, config, seed, data, software versions and git commit."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from datetime import datetime, timezone
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "shapely",
+    "filterpy",
+    "motmetrics",
+    "trackeval",
+    "tensorflow",
+    "keras",
+)
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def git_commit() -> str | None:
+    """The checkout's commit, with "+changes" if the tree differs from it; None without git."""
+
+    def git(*args: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(ROOT), *args], check=True, timeout=20, capture_output=True, text=True
+        ).stdout.strip()
+
+    try:
+        return git("rev-parse", "HEAD") + (
+            "+changes" if git("status", "--porcelain", "-uno") else ""
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def provenance(**details: Any) -> dict[str, Any]:
+    """A JSON-ready record of this run; `details` (config, seed, data set...) are added to it."""
+    return {
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "time_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "git_commit": git_commit(),
+        "machine": {
+            "cpu_count": len(_cpus()),
+            "processor": platform.processor(),
+            "system": platform.system(),
+            "architecture": platform.machine(),
+        },
+        "versions": _versions(),
+        **details,
+    }
+
+
+def _cpus() -> list[int]:
+
+    return (
+        sorted(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else list(range(os.cpu_count() or 1))
+    )
