@@ -1,0 +1,19 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def kitti_root() -> Path:
+    """The real KITTI data: `KITTI_ROOT`, by default ../shared/kitti; skips where it is absent."""
+    path = Path(os.environ.get("KITTI_ROOT", ROOT / "../shared/kitti")).resolve()
+    if not (path / "training" / "label_02").is_dir():
+        pytest.skip(f"real KITTI data not found at {path}; set KITTI_ROOT")
+    return path
