@@ -1,0 +1,150 @@
+"""Calibration of one sequence: Velodyne -> camera 0 -> level frame, and into the left image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+from common.files import write_text
+from kitti.tables import read_lines
+
+LEVEL_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""x forward, y left, z up out of x right, y down, z forward; a rotation, so its own inverse.T."""
+
+# Names in the published zip differ from those of the object benchmark's files.
+_ALIASES = {
+    "R_rect": "R0_rect",
+    "Tr_velo_cam": "Tr_velo_to_cam",
+    "Tr_imu_velo": "Tr_imu_to_velo",
+}
+_SHAPES = {
+    "P0": (3, 4),
+    "P1": (3, 4),
+    "P2": (3, 4),
+    "P3": (3, 4),
+    "R0_rect": (3, 3),
+    "Tr_velo_to_cam": (3, 4),
+    "Tr_imu_to_velo": (3, 4),
+}
+_REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
+_ROTATION_TOLERANCE = 1e-2  # KITTI's own matrices are orthonormal to about 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The matrices of one `calib/00XX.txt`, all float64, lengths in metres, P in pixels.
+
+    Attributes:
+        p2: (3, 4) projection of rectified camera 0 into the left colour image.
+        r0_rect: (3, 3) rectifying rotation of camera 0.
+        tr_velo_to_cam: (3, 4) Velodyne -> (unrectified) camera 0.
+        tr_imu_to_velo: (3, 4) GPS/IMU -> Velodyne, or None where the file has none.
+        p0, p1, p3: (3, 4) projections into the other images, or None.
+    """
+
+    p2: np.ndarray
+    r0_rect: np.ndarray
+    tr_velo_to_cam: np.ndarray
+    tr_imu_to_velo: np.ndarray | None = None
+    p0: np.ndarray | None = None
+    p1: np.ndarray | None = None
+    p3: np.ndarray | None = None
+
+    @cached_property
+    def level_from_velo(self) -> np.ndarray:
+        """(4, 4) float64: level frame <- Velodyne frame."""
+        transform = np.eye(4)
+        transform[:3] = LEVEL_FROM_CAMERA @ self.r0_rect @ self.tr_velo_to_cam
+        return transform
+
+    @cached_property
+    def image_from_level(self) -> np.ndarray:
+        """(3, 4) float64: homogeneous pixels of the left colour image <- level frame."""
+        camera_from_level = np.eye(4)
+        camera_from_level[:3, :3] = LEVEL_FROM_CAMERA.T
+        return self.p2 @ camera_from_level
+
+    def velo_to_level(self, xyz: np.ndarray) -> np.ndarray:
+        """(n, 3) points of the Velodyne frame -> (n, 3) float64 in the level frame."""
+        return _apply(self.level_from_velo, xyz)
+
+    def level_to_velo(self, xyz: np.ndarray) -> np.ndarray:
+        """(n, 3) points of the level frame -> (n, 3) float64 in the Velodyne frame."""
+        return _apply(np.linalg.inv(self.level_from_velo), xyz)
+
+    def project_level(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) level points -> uv (n, 2) pixels of the left colour image, depth (n,) metres.
+
+        Depth is measured from that camera; where it is 0 or less, uv means nothing.
+        """
+        homogeneous = _apply(self.image_from_level, xyz)
+        depth = homogeneous[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return homogeneous[:, :2] / depth[:, None], depth
+
+
+def _apply(matrix: np.ndarray, xyz: np.ndarray) -> np.ndarray:
+    return np.asarray(xyz, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Reads `calib/00XX.txt`; keys with or without colon, in either of KITTI's spellings.
+
+    Other keys than KITTI's are passed over; P0, P1, P3 and Tr_imu_to_velo may be absent.
+
+    Raises:
+        InputError: a key is missing or twice there, has a wrong number of values, a value is not
+            a finite number, or a rotation is none.
+    """
+    found: dict[str, np.ndarray] = {}
+    for number, line in enumerate(read_lines(path), 1):
+        words = line.split()
+        name = words[0].rstrip(":") if words else ""
+        name = _ALIASES.get(name, name)
+        if name not in _SHAPES:
+            continue
+        if name in found:
+            raise InputError(f"{name} is there twice, expected once", path, number)
+        found[name] = _matrix(name, words[1:], path, number)
+    missing = [name for name in _REQUIRED if name not in found]
+    if missing:
+        raise InputError(f"missing key {missing[0]}, expected {', '.join(_REQUIRED)}", path)
+    return Calibration(**{name.lower(): matrix for name, matrix in found.items()})
+
+
+def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndarray:
+    shape = _SHAPES[name]
+    if len(words) != shape[0] * shape[1]:
+        expected = shape[0] * shape[1]
+        raise InputError(f"{name}: expected {expected} numbers, found {len(words)}", path, line)
+    try:
+        matrix = np.array([float(word) for word in words]).reshape(shape)
+    except ValueError as error:
+        raise InputError(f"{name}: expected numbers, {error}", path, line) from error
+    if not np.isfinite(matrix).all():
+        raise InputError(f"{name}: expected finite numbers", path, line)
+    if name.startswith("P"):
+        if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+            raise InputError(f"{name}: expected positive focal lengths", path, line)
+        return matrix
+    rotation = matrix[:, :3]
+    if (
+        np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE
+        or np.linalg.det(rotation) < 0
+    ):
+        raise InputError(f"{name}: its left 3x3 block is not a rotation", path, line)
+    return matrix
+
+
+def write_calibration(path: str | Path, calib: Calibration) -> None:
+    """Writes `calib` in KITTI's layout (keys with colon); matrices that are None are left out."""
+    lines = []
+    for name in _SHAPES:
+        matrix = getattr(calib, name.lower())
+        if matrix is not None:
+            lines.append(f"{name}: " + " ".join(f"{value:.12e}" for value in np.ravel(matrix)))
+    write_text(path, "\n".join(lines) + "\n")
