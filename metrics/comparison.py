@@ -1,0 +1,89 @@
+"""Truth and results of one sequence side by side, frame by frame, with their similarities.
+
+Letters: R rows of the truth, S rows of the results, F frames, M and K rows in one frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from kitti.labels import Objects
+
+Similarity = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One sequence, ready for a protocol.
+
+    Attributes:
+        name: the sequence, like "0016".
+        truth, results: R and S rows in any order; ids are unique within a frame.
+        truth_rows, result_rows: per frame (F of them), indices into `truth` and `results`.
+        similarity: per frame, (M, K) float64 in [0, 1].
+        scores: (S,) float64, the mean score of each row's track; -1 where a file has no score.
+    """
+
+    name: str
+    truth: Objects
+    results: Objects
+    truth_rows: list[np.ndarray]
+    result_rows: list[np.ndarray]
+    similarity: list[np.ndarray]
+    scores: np.ndarray
+
+    @property
+    def num_frames(self) -> int:
+        """F."""
+        return len(self.truth_rows)
+
+    def above(self, threshold: float | None) -> np.ndarray:
+        """(S,) bool: rows whose track has a mean score of at least `threshold` (None: all)."""
+        if threshold is None:
+            return np.ones(len(self.results), bool)
+        return self.scores >= threshold
+
+
+def compare(
+    name: str,
+    num_frames: int,
+    truth: Objects,
+    results: Objects,
+    similarity: Similarity,
+    *,
+    field: str = "boxes",
+) -> Comparison:
+    """Sorts rows into frames and computes `similarity(truth.field, results.field)` in each."""
+    truth_rows = rows_by_frame(truth.frame, num_frames)
+    result_rows = rows_by_frame(results.frame, num_frames)
+    a, b = getattr(truth, field), getattr(results, field)
+    values = [
+        similarity(a[i], b[j]) if len(i) and len(j) else np.zeros((len(i), len(j)))
+        for i, j in zip(truth_rows, result_rows, strict=True)
+    ]
+    scores = track_scores(results)
+    return Comparison(name, truth, results, truth_rows, result_rows, values, scores)
+
+
+def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:
+    """For each of `num_frames` frames the indices of its rows, in the order of the rows."""
+    order = np.argsort(frame, kind="stable")
+    edges = np.searchsorted(frame[order], np.arange(num_frames + 1))
+    return [order[first:last] for first, last in pairwise(edges)]
+
+
+def track_scores(results: Objects) -> np.ndarray:
+    """(S,) the mean score over the track of each row; a missing score counts as -1.
+
+    A track stands or falls as a whole: this is how AB3DMOT's evaluator applies a threshold.
+    """
+    if len(results) == 0:
+        return np.zeros(0)
+    scores = np.asarray(results.score, np.float64)
+    scores = np.where(np.isnan(scores), -1.0, scores)
+    _, track = np.unique(results.track_id, return_inverse=True)
+    return (np.bincount(track, scores) / np.bincount(track))[track]

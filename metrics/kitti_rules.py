@@ -1,0 +1,66 @@
+"""What the KITTI benchmark asks of a tracker of cars, and what it leaves out of account."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kitti.labels import Objects
+from metrics.comparison import rows_by_frame
+from metrics.image_boxes import EPS, covered
+
+
+@dataclass(frozen=True)
+class KittiRules:
+    """The benchmark's constants for class car (devkit, evaluate_tracking.py)."""
+
+    evaluated: str = "Car"
+    neighbour: str = "Van"
+    max_truncation: int = 0
+    max_occlusion: int = 2
+    min_height: float = 25.0  # pixels; an unmatched result of this height or less is ignored
+    max_dontcare: float = 0.5  # share of a result's 2-D area in one DontCare box
+    mostly_tracked: float = 0.8  # more than this share of a trajectory
+    mostly_lost: float = 0.2  # less than this share
+
+
+RULES = KittiRules()
+
+
+def asked_classes(objects: Objects, rules: KittiRules = RULES) -> Objects:
+    """Rows of the evaluated class and its neighbour that carry an id."""
+    rows = objects.of_classes((rules.evaluated, rules.neighbour))
+    return rows[rows.track_id >= 0]
+
+
+def ignored_truth(truth: Objects, rules: KittiRules = RULES) -> np.ndarray:
+    """(R,) bool: truncated, heavily occluded, or of the neighbouring class."""
+    return (
+        (truth.type == rules.neighbour)
+        | (truth.occlusion.astype(int) > rules.max_occlusion)
+        | (truth.truncation.astype(int) > rules.max_truncation)
+    )
+
+
+def ignorable_results(
+    results: Objects, dontcare: Objects, num_frames: int, rules: KittiRules = RULES
+) -> np.ndarray:
+    """(S,) bool: results that are no false alarm even if unmatched.
+
+    Args:
+        results: S rows with 2-D boxes in pixels.
+        dontcare: the sequence's DontCare rows.
+        num_frames: frames of the sequence.
+    """
+    height = results.bbox[:, 3] - results.bbox[:, 1]
+    ignorable = (height <= rules.min_height) | (results.type == rules.neighbour)
+    frames = zip(
+        rows_by_frame(results.frame, num_frames),
+        rows_by_frame(dontcare.frame, num_frames),
+        strict=True,
+    )
+    for rows, regions in frames:
+        share = covered(results.bbox[rows], dontcare.bbox[regions])
+        ignorable[rows] |= (share > rules.max_dontcare + EPS).any(axis=1)
+    return ignorable

@@ -1,0 +1,173 @@
+"""The protocols by name: from truth and results of some sequences to a dictionary of figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from kitti.iou import iou_3d
+from kitti.labels import Objects
+from metrics.clear3d import clear3d
+from metrics.comparison import Comparison, compare
+from metrics.counts import Outcome, total
+from metrics.hota import hota
+from metrics.image_boxes import iou_2d
+from metrics.kitti2d import clean, kitti2d
+from metrics.kitti3d import kitti3d
+from metrics.kitti_rules import RULES, asked_classes, ignorable_results, ignored_truth
+from metrics.recall_sweep import sweep
+
+PROTOCOLS = ("clear3d", "kitti2d", "kitti3d", "hota")
+BEST = "best"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Truth and results of one sequence, all classes; rows beyond its frames are not looked at."""
+
+    name: str
+    num_frames: int
+    truth: Objects
+    results: Objects
+
+
+class Clear3d:
+    """`clear3d` over sequences; both sides are limited to `classes`."""
+
+    def __init__(self, entries: Sequence[Entry], classes: Sequence[str], min_iou: float):
+        self.min_iou = min_iou
+        self.comparisons = [
+            compare(
+                entry.name,
+                entry.num_frames,
+                entry.truth.of_classes(classes),
+                entry.results.of_classes(classes),
+                iou_3d,
+            )
+            for entry in entries
+        ]
+
+    def outcomes(self, threshold: float | None) -> list[Outcome]:
+        """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
+        return [clear3d(c, c.above(threshold), self.min_iou) for c in self.comparisons]
+
+
+class KittiProtocol:
+    """Common ground of the protocols with KITTI's ignore rules."""
+
+    def __init__(self, entries: Sequence[Entry], space: str, vans_may_match: bool):
+        """Args: `space` "2d" or "3d" (of the IoU); `vans_may_match` keeps results of class Van."""
+        self.cases = [_kitti_case(entry, space, vans_may_match) for entry in entries]
+
+    def clean(self, threshold: float | None) -> dict[str, list]:
+        """Frames of each sequence after the ignore rules, for `hota`."""
+        return {
+            c.name: clean(c, c.above(threshold), ignored, ignorable)
+            for c, ignored, ignorable in self.cases
+        }
+
+
+class Kitti2d(KittiProtocol):
+    """`kitti2d` over sequences, on image boxes unless `space` is "3d"."""
+
+    def __init__(self, entries: Sequence[Entry], space: str = "2d"):
+        super().__init__(entries, space, vans_may_match=False)
+
+    def outcomes(self, threshold: float | None) -> list[Outcome]:
+        """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
+        return [
+            kitti2d(c, c.above(threshold), ignored, ignorable)
+            for c, ignored, ignorable in self.cases
+        ]
+
+
+class Kitti3d(KittiProtocol):
+    """`kitti3d` over sequences; with `space` "2d" AB3DMOT's 2-D evaluation."""
+
+    def __init__(self, entries: Sequence[Entry], min_iou: float, space: str = "3d"):
+        super().__init__(entries, space, vans_may_match=True)
+        self.min_iou = min_iou
+
+    def outcomes(self, threshold: float | None) -> list[Outcome]:
+        """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
+        return [
+            kitti3d(c, c.above(threshold), ignored, ignorable, min_iou=self.min_iou)
+            for c, ignored, ignorable in self.cases
+        ]
+
+
+def evaluate_protocol(
+    name: str,
+    entries: Sequence[Entry],
+    *,
+    classes: Sequence[str] = ("Car", "Van"),
+    min_iou: float = 0.5,
+    threshold: float | str | None = None,
+) -> dict[str, Any]:
+    """Figures of one protocol: `{"overall": {...}, "sequences": {"0016": {...}, ...}}`.
+
+    Args:
+        name: one of `PROTOCOLS`.
+        entries: the sequences.
+        classes: what `clear3d` is limited to; the KITTI protocols have their own class rules.
+        min_iou: for `clear3d` and `kitti3d`; the 2-D protocol and HOTA have theirs.
+        threshold: least mean score of a track; "best" for that of the best overall MOTA among
+            the recall points; None keeps all.
+    """
+    if name == "clear3d":
+        return _figures(Clear3d(entries, classes, min_iou), entries, threshold)
+    if name == "kitti2d":
+        return _figures(Kitti2d(entries), entries, threshold)
+    if name == "kitti3d":
+        return _figures(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
+    if name == "hota":
+        return _hota_figures(entries, threshold)
+    raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
+
+
+def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
+    truth = asked_classes(entry.truth)
+    results = asked_classes(entry.results)
+    if not vans_may_match:
+        results = results.of_classes((RULES.evaluated,))
+    similarity, field = (iou_2d, "bbox") if space == "2d" else (iou_3d, "boxes")
+    comparison: Comparison = compare(
+        entry.name, entry.num_frames, truth, results, similarity, field=field
+    )
+    dontcare = entry.truth.of_classes(("DontCare",))
+    ignorable = ignorable_results(results, dontcare, entry.num_frames)
+    return comparison, ignored_truth(truth), ignorable
+
+
+def _figures(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
+    swept = None
+    if over_recall or threshold == BEST:
+        swept = sweep(protocol.outcomes)
+    if threshold == BEST:
+        threshold = swept.best_threshold
+    counts = [outcome.counts for outcome in protocol.outcomes(threshold)]
+    overall = total(counts).figures()
+    if over_recall:
+        overall |= swept.figures()
+    return {
+        "overall": overall,
+        "sequences": {entry.name: c.figures() for entry, c in zip(entries, counts, strict=True)},
+    }
+
+
+def _hota_figures(entries: Sequence[Entry], threshold: float | str | None) -> dict[str, Any]:
+    """HOTA on image boxes, and on 3-D IoU under names that end in _3D."""
+    figures: dict[str, Any] = {"overall": {}, "sequences": {entry.name: {} for entry in entries}}
+    for space, suffix in (("2d", ""), ("3d", "_3D")):
+        protocol = Kitti2d(entries, space)
+        at = sweep(protocol.outcomes).best_threshold if threshold == BEST else threshold
+        part = hota(protocol.clean(at))
+        figures["overall"] |= _suffixed(part["overall"], suffix)
+        for name, values in part["sequences"].items():
+            figures["sequences"][name] |= _suffixed(values, suffix)
+    return figures
+
+
+def _suffixed(values: dict[str, Any], suffix: str) -> dict[str, Any]:
+    return {name + suffix: value for name, value in values.items()}

@@ -1,0 +1,94 @@
+"""Figures over score thresholds: sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA.
+
+Source: Weng et al., "3D Multi-Object Tracking: A Baseline and New Evaluation Metrics", IROS 2020,
+equations 3 to 5, with the sampling of thresholds that the paper's evaluator publishes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from metrics.counts import Counts, Outcome, total
+
+RECALL_POINTS = 40  # recall 1/40, 2/40, ..., 1
+
+OutcomesAt = Callable[[float | None], Sequence[Outcome]]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Means over the recall points, and the threshold (None: keep all) of the best MOTA > 0."""
+
+    samota: float | None
+    amota: float | None
+    amotp: float | None
+    best_threshold: float | None
+    best_mota: float | None
+
+    def figures(self) -> dict[str, float | None]:
+        """By their published names; `best_*` are this project's names."""
+        return {
+            "sAMOTA": self.samota,
+            "AMOTA": self.amota,
+            "AMOTP": self.amotp,
+            "best_MOTA": self.best_mota,
+            "best_threshold": self.best_threshold,
+        }
+
+
+def sweep(outcomes_at: OutcomesAt) -> Sweep:
+    """Evaluates a protocol at each recall point.
+
+    Args:
+        outcomes_at: the protocol's outcome of every sequence at a score threshold; at None, of
+            all results. Called once per distinct threshold.
+
+    A recall that is never reached counts 0 in the means, which divide by `RECALL_POINTS`.
+    """
+    everything = outcomes_at(None)
+    counts = total(outcome.counts for outcome in everything)
+    if not counts.gt:
+        return Sweep(None, None, None, None, None)
+    scores = np.concatenate([outcome.matched_scores for outcome in everything])
+    thresholds, recalls = recall_thresholds(scores, counts.tp + counts.fn)
+    known: dict[float, Counts] = {}
+    sums, best, best_mota = np.zeros(3), None, 0.0
+    for threshold, recall in zip(thresholds, recalls, strict=True):
+        if threshold not in known:
+            known[threshold] = total(outcome.counts for outcome in outcomes_at(threshold))
+        at = known[threshold]
+        motp = at.similarity / at.tp if at.tp else 0.0
+        sums += scaled_mota(at, recall), at.mota, motp
+        if at.mota > best_mota:
+            best, best_mota = threshold, at.mota
+    samota, amota, amotp = (sums / RECALL_POINTS).tolist()
+    return Sweep(samota, amota, amotp, best, counts.mota if best is None else best_mota)
+
+
+def scaled_mota(counts: Counts, recall: float) -> float:
+    """sMOTA of equation 5: MOTA relative to what is possible at this recall, within [0, 1]."""
+    errors = counts.fn + counts.fp + counts.ids - (1.0 - recall) * counts.gt
+    return min(1.0, max(0.0, 1.0 - errors / (recall * counts.gt)))
+
+
+def recall_thresholds(scores: np.ndarray, asked: int) -> tuple[list[float], list[float]]:
+    """Score thresholds whose recall is nearest to 1/40, 2/40, ..., and these recalls.
+
+    Args:
+        scores: of all matches, in any order.
+        asked: ground-truth boxes they are matched with or could be.
+    """
+    thresholds, recalls, recall = [], [], 0.0
+    ordered = np.sort(scores)[::-1].tolist()
+    for i, score in enumerate(ordered):
+        here = (i + 1) / asked
+        following = (i + 2) / asked
+        if i + 1 < len(ordered) and following - recall < recall - here:
+            continue  # the next match comes nearer to this recall
+        thresholds.append(score)
+        recalls.append(recall)
+        recall += 1.0 / RECALL_POINTS
+    return thresholds[1:], recalls[1:]  # the first has recall 0
