@@ -3,7 +3,9 @@
 1. The scan is cut into square cells; each gives a low percentile of its heights.
 2. A quadratic in x, y (slope, crown, the bend of a hill) is fitted by reweighted least squares;
    cells above the surface (cars, walls, trees) lose their weight sooner than cells below.
-3. What is left over in the cells near the surface is smoothed over their neighbourhood and added.
+3. Heights are taken relative to that surface, so that a slope inside a cell no longer counts, and
+   1 and 2 are repeated.
+4. What is left over in the cells near the surface is smoothed over their neighbourhood and added.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ class GroundConfig:
     cell_m: float = 2.0  # smaller than a car's footprint is long, larger than the ring spacing
     percentile: float = 10.0  # low, but not the lowest point: reflections lie below the road
     min_points: int = 3  # a cell with fewer says nothing about its lower envelope
-    iterations: int = 12
+    iterations: int = 8
+    max_range_m: float = 200.0  # farther points are left out of the fit; the sensor sees 120 m
     scale_m: float = 0.15  # cells within this of the surface count fully
     start_scale_m: float = 1.2  # the scale of the first iteration; it shrinks to scale_m
     above_penalty: float = 3.0  # how much sooner cells above the surface lose weight
@@ -52,9 +55,9 @@ class GroundModel:
 
     def height(self, xy: np.ndarray) -> np.ndarray:
         """(n, >= 2) level x, y in metres -> (n,) float64 z of the ground."""
-        xy = np.asarray(xy, np.float64)[:, :2]
-        at = (xy - self.origin) / self.cell_m
-        return _basis(xy, self.span) @ self.coefficients + _bilinear(self.correction, at)
+        x, y = np.array(np.asarray(xy)[:, :2].T, np.float64)
+        i, j = (x - self.origin[0]) / self.cell_m, (y - self.origin[1]) / self.cell_m
+        return _polynomial(x, y, self.coefficients, self.span) + _bilinear(self.correction, i, j)
 
 
 def fit_ground(points_level: np.ndarray, config: GroundConfig = GROUND) -> GroundModel:
@@ -68,25 +71,24 @@ def fit_ground(points_level: np.ndarray, config: GroundConfig = GROUND) -> Groun
         The model; flat at the lowest percentile where there are too few points for a surface.
     """
     xyz = np.asarray(points_level, np.float32)[:, :3]
+    xyz = xyz[(np.abs(xyz[:, :2]) <= config.max_range_m).all(axis=1)]
     if not len(xyz):
         return GroundModel(np.zeros(6), 1.0, np.zeros(2), config.cell_m, np.zeros((1, 1)))
-    low = xyz[:, :2].min(axis=0)
-    cell = np.floor((xyz[:, :2] - low) / np.float32(config.cell_m)).astype(np.int64)
-    shape = cell.max(axis=0) + 1
-    flat, height = _cell_heights(cell[:, 0] * shape[1] + cell[:, 1], xyz[:, 2], config)
-    origin = low.astype(np.float64) + config.cell_m / 2
-    ij = np.stack([flat // shape[1], flat % shape[1]], axis=1)
-    centre = origin + ij * config.cell_m
-    span = max(float(np.abs(centre).max(initial=0.0)), 1.0)
-    if len(flat) < 6:
-        level = np.percentile(xyz[:, 2], config.percentile)
-        coefficients = np.array([level, 0, 0, 0, 0, 0], np.float64)
-        return GroundModel(coefficients, span, origin, config.cell_m, np.zeros((1, 1)))
-    basis = _basis(centre, span)
-    coefficients, weight = _robust_fit(basis, height, config)
-    residual = height - basis @ coefficients
-    correction = _smoothed(ij, shape, residual, weight, config)
-    return GroundModel(coefficients, span, origin, config.cell_m, correction)
+    cells = _Cells.of(xyz[:, :2], config.cell_m)
+    span = max(float(np.abs(xyz[:, :2]).max()), 1.0)
+    surface = np.array([np.percentile(xyz[:, 2], config.percentile), 0, 0, 0, 0, 0])
+    residual = weight = np.zeros(0)
+    ij = np.zeros((0, 2), np.int64)
+    for start_scale in (config.start_scale_m, config.scale_m):
+        above = xyz[:, 2] - _polynomial(xyz[:, 0], xyz[:, 1], surface, span)
+        ij, height = cells.low_heights(above, config)
+        if len(height) < 6:
+            break
+        basis = _basis(cells.origin + ij * config.cell_m, span)
+        change, weight = _robust_fit(basis, height, start_scale, config)
+        surface, residual = surface + change, height - basis @ change
+    correction = _smoothed(ij[: len(weight)], cells.shape, residual, weight, config)
+    return GroundModel(surface, span, cells.origin, config.cell_m, correction)
 
 
 def ground_mask(
@@ -103,30 +105,55 @@ def ground_mask(
     return points_level[:, 2] - model.height(points_level[:, :2]) < threshold_m
 
 
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Square cells over n points: flat cell number of each (n,), grid shape, centre of cell 0."""
+
+    number: np.ndarray
+    shape: tuple[int, int]
+    origin: np.ndarray
+
+    @staticmethod
+    def of(xy: np.ndarray, cell_m: float) -> _Cells:
+        low = xy.min(axis=0)
+        ij = ((xy - low) / np.float32(cell_m)).astype(np.int64)
+        rows, columns = (int(size) for size in ij.max(axis=0) + 1)
+        origin = low.astype(np.float64) + cell_m / 2
+        return _Cells(ij[:, 0] * columns + ij[:, 1], (rows, columns), origin)
+
+    def low_heights(self, z: np.ndarray, config: GroundConfig) -> tuple[np.ndarray, np.ndarray]:
+        """Cells with enough points: their indices (C, 2) and the low percentile of z (C,)."""
+        # One sort of integers does both: the cell in the high bits, tenths of a millimetre below.
+        base = float(z.min())
+        fine = np.minimum((z - base) * 1e4, 2**31).astype(np.int64)
+        ordered = np.sort(self.number << 32 | fine)
+        number = ordered >> 32
+        first = np.flatnonzero(np.diff(number, prepend=-1))
+        count = np.diff(first, append=len(number))
+        at = first + ((count - 1) * config.percentile / 100).astype(np.int64)
+        at = at[count >= config.min_points]
+        ij = np.stack(np.divmod(number[at], self.shape[1]), axis=1)
+        return ij, (ordered[at] & 0xFFFFFFFF) / 1e4 + base
+
+
 def _basis(xy: np.ndarray, span: float) -> np.ndarray:
     x, y = xy[:, 0] / span, xy[:, 1] / span
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
-def _cell_heights(
-    key: np.ndarray, z: np.ndarray, config: GroundConfig
-) -> tuple[np.ndarray, np.ndarray]:
-    """Cells with enough points: their keys (C,) ascending, and the low percentile of z (C,)."""
-    order = np.argsort(z)
-    order = order[np.argsort(key[order], kind="stable")]
-    cells, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    at = first + ((count - 1) * config.percentile / 100).astype(np.int64)
-    enough = count >= config.min_points
-    return cells[enough], z[order[at[enough]]].astype(np.float64)
+def _polynomial(x: np.ndarray, y: np.ndarray, c: np.ndarray, span: float) -> np.ndarray:
+    """The surface `_basis` @ c at (n,) x, y, without the (n, 6) array."""
+    c = c / np.array([1, span, span, span**2, span**2, span**2])
+    return c[0] + x * (c[1] + c[3] * x + c[4] * y) + y * (c[2] + c[5] * y)
 
 
 def _robust_fit(
-    basis: np.ndarray, height: np.ndarray, config: GroundConfig
+    basis: np.ndarray, height: np.ndarray, start_scale: float, config: GroundConfig
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reweighted least squares (Geman-McClure weights): coefficients (6,), weights (C,)."""
     coefficients = np.zeros(6)
     coefficients[0] = np.percentile(height, config.percentile)
-    scales = np.geomspace(config.start_scale_m, config.scale_m, config.iterations)
+    scales = np.geomspace(start_scale, config.scale_m, config.iterations)
     for scale in scales:
         residual = height - basis @ coefficients
         away = np.where(residual > 0, config.above_penalty, 1.0) * residual / scale
@@ -157,16 +184,13 @@ def _smoothed(
     return (along_x @ total @ along_y) / (along_x @ mass @ along_y + config.prior_weight)
 
 
-def _bilinear(grid: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values of `grid` (A, B) at fractional indices (n, 2), held constant beyond the edge."""
-    limit = np.array(grid.shape) - 1
-    at = np.clip(at, 0, limit)
-    low = np.minimum(at.astype(np.int64), np.maximum(limit - 1, 0))
-    high = np.minimum(low + 1, limit)
-    u, v = (at - low).T
-    return (
-        grid[low[:, 0], low[:, 1]] * (1 - u) * (1 - v)
-        + grid[high[:, 0], low[:, 1]] * u * (1 - v)
-        + grid[low[:, 0], high[:, 1]] * (1 - u) * v
-        + grid[high[:, 0], high[:, 1]] * u * v
-    )
+def _bilinear(grid: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """Values of `grid` (A, B) at fractional indices (n,), held constant beyond the edge."""
+    padded = np.pad(grid, ((0, 1), (0, 1)), mode="edge")
+    i, j = (np.clip(at, 0, size - 1) for at, size in zip((i, j), grid.shape, strict=True))
+    row, column = i.astype(np.int64), j.astype(np.int64)
+    u, v = i - row, j - column
+    flat, at, width = padded.ravel(), row * padded.shape[1] + column, padded.shape[1]
+    left = flat[at] + u * (flat[at + width] - flat[at])
+    right = flat[at + 1] + u * (flat[at + width + 1] - flat[at + 1])
+    return left + v * (right - left)
