@@ -1,0 +1,131 @@
+"""Algorithm 1 of the paper, "Association to Trajectory" (section III.C.4).
+
+The boxes of frame t-1 are moved by the displacement of the points inside them and matched to the
+boxes of frame t by IoU. Where the displacement comes from is the caller's affair: the network's
+(`pointtracknet`), or the labels' (`gt_displacement`, the paper's "gt_tracking" upper bound).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kitti.boxes import points_in_boxes
+from kitti.iou import iou_3d
+from tracking.assignment import greedy
+from tracking.interface import BoxDisplacement, Tracks, check_boxes, check_rows
+from tracking.life_cycle import LifeCycle, Track
+
+
+@dataclass(frozen=True)
+class AssociationParameters:
+    """Algorithm 1 prints only tau, without a value; all values are ours (see README.md here)."""
+
+    tau: float = 0.1  # least IoU of a match; chosen on training sequences
+    max_age: int = 3  # "short term disappearance" (section IV.E): frames a lost object goes on
+    min_hits: int = 1  # Algorithm 1 has no probation: every new box is a trajectory
+    min_start_score: float = -np.inf  # least score that starts a trajectory
+    report_lost: bool = False  # whether the moved box of a lost object is reported
+
+
+@dataclass
+class Motion:
+    """A track's box at t-1 (then t), (7,); the displacement that moved it last, (3,); label id."""
+
+    box: np.ndarray
+    displacement: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    label_id: int = -1
+
+
+class AssociationToTrajectory:
+    """Algorithm 1 for one sequence."""
+
+    def __init__(self, parameters: AssociationParameters | None = None):
+        self.parameters = parameters or AssociationParameters()
+        self.life = LifeCycle()
+
+    def predict(self) -> None:
+        """Nothing moves yet: the displacement comes with `update`."""
+        self.life.begin_frame()
+
+    def update(
+        self,
+        boxes,
+        scores,
+        *,
+        points: np.ndarray | None = None,
+        displacement: np.ndarray | None = None,
+        box_displacement: BoxDisplacement | None = None,
+        ids: np.ndarray | None = None,
+        frame: int | None = None,
+        **_unused,
+    ) -> Tracks:
+        """See `Tracker.update`; line numbers are Algorithm 1's."""
+        boxes, scores = check_boxes(boxes, scores, frame)
+        label_ids = np.full(len(boxes), -1) if ids is None else np.asarray(ids)
+        p, previous = self.parameters, self.life.tracks
+        # lines 5-8: each B^{t-1} is moved by the mean displacement of its points
+        moved = self._move(points, displacement, box_displacement)
+        # lines 9-12: the pairs of largest IoU above tau, largest first so that it is one-to-one;
+        # lines 13-15: what is left of t-1 and of t
+        matching = greedy(-iou_3d(moved, boxes), -p.tau)
+        # line 16: update the trajectories
+        for row, column in matching.pairs:
+            previous[row].state.box = boxes[column]
+            previous[row].state.label_id = int(label_ids[column])
+            self.life.hit(previous[row], scores[column], column)
+        for row in matching.unmatched_rows:
+            previous[row].state.box = moved[row]  # lost: goes on with its displacement
+        for column in matching.unmatched_columns:  # lines 1-3 when t = 0
+            if scores[column] >= p.min_start_score:
+                state = Motion(boxes[column], label_id=int(label_ids[column]))
+                self.life.birth(state, scores[column], column)
+        self.life.bury(lambda track: track.time_since_update > p.max_age)
+        return self.life.report(self._is_shown, lambda track: track.state.box)
+
+    def _move(self, points, displacement, box_displacement) -> np.ndarray:
+        """Lines 6-8 for every box of t-1; returns (T, 7).
+
+        A box without a kept point (or of unknown displacement) moves as it did last.
+        """
+        states = [track.state for track in self.life.tracks]
+        boxes = np.array([state.box for state in states]).reshape(-1, 7)
+        if box_displacement is not None:
+            ids = np.array([state.label_id for state in states], np.int64)
+            mean = np.asarray(box_displacement(boxes, ids), np.float64)
+        elif points is not None:
+            mean = mean_displacement(points, displacement, boxes)
+        else:
+            mean = np.full((len(boxes), 3), np.nan)
+        for state, moved in zip(states, mean, strict=True):
+            if np.isfinite(moved).all():
+                state.displacement = moved
+        boxes[:, :3] += np.array([state.displacement for state in states]).reshape(-1, 3)
+        return boxes
+
+    def _is_shown(self, track: Track) -> bool:
+        present = track.detection >= 0 or self.parameters.report_lost
+        return present and track.hits >= self.parameters.min_hits
+
+
+def mean_displacement(
+    points: np.ndarray, displacement: np.ndarray, boxes: np.ndarray
+) -> np.ndarray:
+    """Mean displacement of the points in each box (Algorithm 1, lines 6-7).
+
+    Args:
+        points: (n, >=3) points of frame t-1, level frame; displacement: (n, 3), metres.
+        boxes: (T, 7) boxes of frame t-1. A point in several boxes counts in each of them.
+
+    Returns:
+        (T, 3) metres, NaN for a box without points. Raises `InputError` on shapes or NaN.
+    """
+    points = check_rows("points", points, None)
+    displacement = check_rows("displacement", displacement, len(points), 3)
+    mean = np.full((len(boxes), 3), np.nan)
+    for row in range(len(boxes)):
+        inside = points_in_boxes(points, boxes[row : row + 1]) >= 0
+        if inside.any():
+            mean[row] = displacement[inside].mean(axis=0)
+    return mean

@@ -1,0 +1,137 @@
+"""DEEP_SORT (Wojke et al., ICIP 2017), on 3-D boxes of the level frame.
+
+A confirmed track is matched in a cascade, the most recently seen first: gated by the Mahalanobis
+distance of the Kalman filter, ranked by the cosine distance of appearance vectors. Who is left goes
+by IoU, as in SORT. Without appearance vectors the Mahalanobis distance ranks as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kitti.iou import iou_3d
+from tracking.appearance import Gallery, normalize
+from tracking.assignment import hungarian
+from tracking.box_filter import BoxFilter, Noise
+from tracking.interface import Tracks, check_boxes, check_rows
+from tracking.life_cycle import LifeCycle, Track
+
+
+@dataclass(frozen=True)
+class DeepSortParameters:
+    """The paper's values; where it works in pixels, ours in metres."""
+
+    gate: float = 7.8147  # section II.B: chi-square, 95 %, here for the 3 coordinates of the centre
+    max_cosine_distance: float = 0.2  # t(2), the authors' default
+    gallery_size: int = 100  # "L_k = 100", section II.B
+    min_iou: float = 0.3  # the authors' default: IoU distance up to 0.7
+    max_age: int = 30  # "A_max = 30 frames", section III
+    min_hits: int = 3  # "first three frames" tentative, section II.A
+    noise: Noise = Noise()
+
+
+@dataclass
+class Identity:
+    """A track's motion and looks."""
+
+    filter: BoxFilter
+    gallery: Gallery
+
+
+class DeepSort:
+    """DEEP_SORT for one sequence."""
+
+    def __init__(self, parameters: DeepSortParameters | None = None):
+        self.parameters = parameters or DeepSortParameters()
+        self.life = LifeCycle()
+
+    def predict(self) -> None:
+        """Kalman prediction of every track."""
+        self.life.begin_frame()
+        for track in self.life.tracks:
+            track.state.filter.predict()
+
+    def update(
+        self,
+        boxes,
+        scores,
+        *,
+        appearance: np.ndarray | None = None,
+        frame: int | None = None,
+        **_unused,
+    ) -> Tracks:
+        """See `Tracker.update`."""
+        boxes, scores = check_boxes(boxes, scores, frame)
+        looks = np.zeros((len(boxes), 1))
+        if appearance is not None:
+            looks = normalize(check_rows("appearance", appearance, len(boxes)))
+        pairs, free = self._cascade(boxes, looks)
+        pairs += self._by_iou(boxes, free, {id(track) for track, _ in pairs})
+        for track, column in pairs:
+            track.state.filter.update(boxes[column])
+            track.state.gallery.add(looks[column])
+            self.life.hit(track, scores[column], column)
+        for column in sorted(free):
+            state = Identity(
+                BoxFilter(boxes[column], self.parameters.noise),
+                Gallery(self.parameters.gallery_size),
+            )
+            state.gallery.add(looks[column])
+            self.life.birth(state, scores[column], column)
+        return self._finish(boxes)
+
+    def _cascade(self, boxes, looks) -> tuple[list[tuple[Track, int]], set[int]]:
+        """Listing 1: confirmed tracks in order of age; returns the pairs and the free columns."""
+        pairs, free = [], set(range(len(boxes)))
+        confirmed = [track for track in self.life.tracks if track.confirmed]
+        for age in sorted({track.time_since_update for track in confirmed}):
+            tracks = [track for track in confirmed if track.time_since_update == age]
+            columns = sorted(free)
+            if not columns:
+                break
+            cost = np.array([self._cost(t.state, boxes[columns], looks[columns]) for t in tracks])
+            for row, column in hungarian(cost, 1.0).pairs:
+                pairs.append((tracks[row], columns[column]))
+                free.discard(columns[column])
+        return pairs, free
+
+    def _cost(self, state: Identity, boxes, looks) -> np.ndarray:
+        """(M,) cost of giving each detection to a track, infinite beyond a gate, else in [0, 1].
+
+        The cosine distance as a share of its gate; where no appearance is available the squared
+        Mahalanobis distance as a share of its own (lambda = 1 in equation 5).
+        """
+        p = self.parameters
+        motion = state.filter.position_gate(boxes) / p.gate
+        look = state.gallery.distances(looks) / p.max_cosine_distance
+        cost = np.where(np.isnan(look), motion, look)
+        return np.where((motion <= 1.0) & (cost <= 1.0), cost, np.inf)
+
+    def _by_iou(self, boxes, free: set[int], matched: set[int]) -> list[tuple[Track, int]]:
+        """IoU for tentative tracks and those missed in this frame alone; takes from `free`."""
+        tracks = [
+            track
+            for track in self.life.tracks
+            if id(track) not in matched and (not track.confirmed or track.time_since_update == 1)
+        ]
+        columns = sorted(free)
+        predicted = np.array([track.state.filter.box for track in tracks]).reshape(-1, 7)
+        cost = 1.0 - iou_3d(predicted, boxes[columns])
+        pairs = []
+        for row, column in hungarian(cost, 1.0 - self.parameters.min_iou).pairs:
+            pairs.append((tracks[row], columns[column]))
+            free.discard(columns[column])
+        return pairs
+
+    def _finish(self, boxes) -> Tracks:
+        """Confirms and buries; a tentative track dies at its first miss."""
+        for track in self.life.tracks:
+            track.confirmed = track.confirmed or track.hits >= self.parameters.min_hits
+        self.life.bury(
+            lambda t: t.time_since_update > (self.parameters.max_age if t.confirmed else 0)
+        )
+        return self.life.report(
+            lambda t: t.confirmed and t.detection >= 0, lambda t: boxes[t.detection]
+        )

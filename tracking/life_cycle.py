@@ -1,0 +1,82 @@
+"""Birth, hits, misses and death of tracks; one small book-keeper shared by all trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tracking.interface import BOX_SIZE, Tracks
+
+
+@dataclass
+class Track:
+    """One object being followed.
+
+    Attributes:
+        id: from 0 within one tracker.
+        state: what the tracker knows of its motion (a filter, or box and displacement).
+        score: of the detection matched last.
+        detection: row of this frame's detections that was matched, -1 while lost.
+        hits: detections matched so far, the first one included.
+        hit_streak: the same since the last miss.
+        time_since_update: frames since the last match; 0 if matched in this frame.
+        confirmed: whether it has passed the tracker's probation (set by the tracker).
+    """
+
+    id: int
+    state: Any
+    score: float
+    detection: int
+    hits: int = 1
+    hit_streak: int = 1
+    time_since_update: int = 0
+    confirmed: bool = False
+
+
+class LifeCycle:
+    """The tracks of one sequence, in order of birth; ids count from 0 in each instance."""
+
+    def __init__(self) -> None:
+        self.tracks: list[Track] = []
+        self.frame_count = 0
+        self._next_id = 0
+
+    def begin_frame(self) -> None:
+        """A new frame: nobody is matched yet."""
+        self.frame_count += 1
+        for track in self.tracks:
+            track.time_since_update += 1
+            track.detection = -1
+
+    def birth(self, state: Any, score: float, detection: int) -> Track:
+        """A new track with the next id."""
+        track = Track(self._next_id, state, float(score), int(detection))
+        self._next_id += 1
+        self.tracks.append(track)
+        return track
+
+    def hit(self, track: Track, score: float, detection: int) -> None:
+        """`track` was matched with row `detection` of this frame."""
+        track.hit_streak = 1 if track.time_since_update > 1 else track.hit_streak + 1
+        track.hits += 1
+        track.time_since_update = 0
+        track.score, track.detection = float(score), int(detection)
+
+    def bury(self, is_dead: Callable[[Track], bool]) -> None:
+        """Forgets the tracks for which `is_dead` holds; their ids are not used again."""
+        self.tracks = [track for track in self.tracks if not is_dead(track)]
+
+    def report(
+        self, is_shown: Callable[[Track], bool], box_of: Callable[[Track], np.ndarray]
+    ) -> Tracks:
+        """The tracks for which `is_shown` holds, with the boxes `box_of` gives them."""
+        shown = [track for track in self.tracks if is_shown(track)]
+        return Tracks(
+            boxes=np.array([box_of(track) for track in shown]).reshape(-1, BOX_SIZE),
+            ids=np.array([track.id for track in shown], np.int64),
+            scores=np.array([track.score for track in shown], np.float64),
+            detections=np.array([track.detection for track in shown], np.int64),
+        )

@@ -1,0 +1,52 @@
+"""The labels' own displacement, for the paper's upper bound "gt_tracking" (section IV.D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kitti.iou import iou_3d
+from tracking.assignment import greedy
+
+
+@dataclass(frozen=True)
+class TrueDisplacement:
+    """Movement of labelled objects from frame t-1 to t, found by label id; a `BoxDisplacement`.
+
+    Attributes:
+        boxes_previous, ids_previous: labels of frame t-1, (M, 7) and (M,), level frame.
+        boxes, ids: labels of frame t, (K, 7) and (K,).
+    """
+
+    boxes_previous: np.ndarray
+    ids_previous: np.ndarray
+    boxes: np.ndarray
+    ids: np.ndarray
+
+    def __call__(self, boxes: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """(T, 3) metres for the objects with label `ids` (T,); NaN if not in both frames."""
+        before = {int(i): box[:3] for i, box in zip(self.ids_previous, self.boxes_previous)}
+        after = {int(i): box[:3] for i, box in zip(self.ids, self.boxes)}
+        unknown = np.full(3, np.nan)
+        return np.array(
+            [after[i] - before[i] if i in before and i in after else unknown for i in map(int, ids)]
+        ).reshape(-1, 3)
+
+
+def assign_label_ids(
+    boxes: np.ndarray, label_boxes: np.ndarray, label_ids: np.ndarray, min_iou: float = 0.25
+) -> np.ndarray:
+    """Label id of each detected box: that of the label it overlaps most, one-to-one.
+
+    Args:
+        boxes: (M, 7) detections; label_boxes (K, 7) and label_ids (K,) of the same frame.
+        min_iou: least 3-D IoU of a detection with its label; 0.25 is AB3DMOT's loosest.
+
+    Returns:
+        (M,) int64, -1 for a detection without a label.
+    """
+    ids = np.full(len(boxes), -1, np.int64)
+    pairs = greedy(-iou_3d(boxes, label_boxes), -min_iou).pairs
+    ids[pairs[:, 0]] = np.asarray(label_ids)[pairs[:, 1]]
+    return ids
