@@ -74,18 +74,20 @@ def points_in_boxes(points: np.ndarray, boxes: np.ndarray, margin: float = 0.0) 
     Returns:
         (n,) int32: index of the first box that holds the point (faces included), or -1.
     """
-    points, boxes = np.asarray(points), np.asarray(boxes, np.float64).reshape(-1, 7)
-    index = np.full(len(points), -1, np.int32)
-    x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+    boxes = np.asarray(boxes, np.float64).reshape(-1, 7)
+    x, y, z = np.array(np.asarray(points)[:, :3].T, np.float64, order="C")
+    index = np.full(len(x), -1, np.int32)
     half = boxes[:, 3:6] / 2 + margin
-    radius = np.hypot(half[:, 0], half[:, 1]) + 1e-3
-    for m in range(len(boxes) - 1, -1, -1):  # backwards, so that the first box wins
-        if not np.isfinite(boxes[m]).all() or (half[m] < 0).any():
-            continue
-        near = np.abs(x - x.dtype.type(boxes[m, 0])) <= radius[m]
-        near &= np.abs(y - y.dtype.type(boxes[m, 1])) <= radius[m]
-        near = np.flatnonzero(near)
-        inside = (np.abs(to_box_frame(points[near, :3], boxes[m])) <= half[m]).all(axis=1)
+    radius = np.hypot(half[:, 0], half[:, 1]) + 1e-9  # room for rounding
+    cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+    usable = np.isfinite(boxes).all(axis=1) & (half >= 0).all(axis=1)
+    for m in np.flatnonzero(usable)[::-1]:  # backwards, so that the first box wins
+        near = np.flatnonzero(np.abs(x - boxes[m, 0]) <= radius[m])
+        near = near[np.abs(y[near] - boxes[m, 1]) <= radius[m]]
+        near = near[np.abs(z[near] - boxes[m, 2]) <= half[m, 2]]
+        dx, dy = x[near] - boxes[m, 0], y[near] - boxes[m, 1]
+        inside = np.abs(cos[m] * dx + sin[m] * dy) <= half[m, 0]
+        inside &= np.abs(cos[m] * dy - sin[m] * dx) <= half[m, 1]
         index[near[inside]] = m
     return index
 

@@ -47,6 +47,8 @@ class DisplacementModel:
     def __post_init__(self):
         if not (np.isfinite(self.distance) and self.distance >= 0):
             raise ValueError(f"distance: expected metres >= 0, found {self.distance}")
+        if not 0 <= self.seed < 2**63:
+            raise ValueError(f"seed: expected 0 <= seed < 2**63, found {self.seed}")
         if self.length not in LENGTHS:
             raise ValueError(f"length: expected one of {LENGTHS}, found {self.length!r}")
 

@@ -163,18 +163,22 @@ def _sorted(objects: Objects) -> Objects:
 
 
 def write_labels(path: str | Path, objects: Objects) -> None:
-    """Writes 17 columns, six decimals as KITTI does; rows without a box as KITTI's DontCare."""
+    """Writes 17 columns, six decimals as KITTI does; rows without a box as KITTI's DontCare.
+
+    Raises:
+        ValueError: a number is infinite, or part of a box is NaN.
+    """
     write_text(path, "".join(line + "\n" for line in _lines(objects, _NO_BOX_LABEL)))
 
 
 def write_results(path: str | Path, objects: Objects) -> None:
-    """Writes 18 columns (score last), six decimals.
+    """Writes 18 columns (score last), six decimals; a NaN 2-D box as -1 -1 -1 -1.
 
     Raises:
-        ValueError: a score is missing.
+        ValueError: a score is missing, or a number is not finite.
     """
-    if np.isnan(objects.score).any():
-        raise ValueError("expected a score in every row of a result file")
+    if not np.isfinite(objects.score).all():
+        raise ValueError("expected a finite score in every row of a result file")
     lines = _lines(objects, _NO_BOX_RESULT)
     write_text(
         path,
@@ -184,8 +188,12 @@ def write_results(path: str | Path, objects: Objects) -> None:
 
 def _lines(objects: Objects, no_box: tuple[float, ...]) -> list[str]:
     camera = np.stack(camera_from_level(objects.boxes), axis=1)
-    camera[np.isnan(camera).any(axis=1)] = no_box
-    reals = np.column_stack([objects.alpha, objects.bbox, camera]).tolist()
+    camera[np.isnan(camera).all(axis=1)] = no_box
+    bbox = np.nan_to_num(objects.bbox, nan=-1.0)
+    reals = np.column_stack([objects.alpha, bbox, camera])
+    if not np.isfinite(reals).all():
+        row = int(np.argmax(~np.isfinite(reals).all(axis=1)))
+        raise ValueError(f"row {row}: expected finite numbers to write, found {reals[row]}")
     heads = zip(
         objects.frame.tolist(),
         objects.track_id.tolist(),
@@ -195,4 +203,4 @@ def _lines(objects: Objects, no_box: tuple[float, ...]) -> list[str]:
         strict=True,
     )
     form = "%d %d %s %.6g %d" + " %.6f" * 12
-    return [form % (*head, *row) for head, row in zip(heads, reals, strict=True)]
+    return [form % (*head, *row) for head, row in zip(heads, reals.tolist(), strict=True)]

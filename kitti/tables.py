@@ -41,7 +41,7 @@ class Table:
         """Columns `first` to `last` (not included) as (R, last - first) float64, all finite."""
         wanted = self.columns[first:last]
         try:
-            if any("_" in token for column in wanted for token in column):
+            if any("_" in " ".join(column) for column in wanted):
                 raise ValueError("Python reads 1_0 as a number, KITTI does not")
             count = len(self) * len(wanted)
             flat = np.fromiter(map(float, chain.from_iterable(wanted)), np.float64, count)
@@ -116,12 +116,13 @@ def read_table(path: str | Path, widths: tuple[int, ...], separator: str | None 
         separator: None for white space, or a character such as ",".
 
     Raises:
-        InputError: the file cannot be read, or a row has another number of columns.
+        InputError: the file cannot be read, a row has another number of columns, or the last
+            line has neither an end nor as many decimals as all others (a file cut off).
     """
     lines = read_lines(path)
-    rows = [line.split(separator) for line in lines]
-    numbers = [i for i, line in enumerate(lines, 1) if line.strip()]
-    rows = [rows[i - 1] for i in numbers]
+    numbered = [(i, line) for i, line in enumerate(lines, 1) if line and line.strip()]
+    numbers = [i for i, _ in numbered]
+    rows = [line.split(separator) for _, line in numbered]
     found = set(map(len, rows))
     if len(found) > 1 or not found <= set(widths):
         width = len(rows[0]) if len(rows[0]) in widths else widths[-1]
@@ -129,4 +130,15 @@ def read_table(path: str | Path, widths: tuple[int, ...], separator: str | None 
         expected = " or ".join(map(str, widths)) if width != len(rows[0]) else str(width)
         raise InputError(f"expected {expected} columns, found {len(rows[at])}", path, numbers[at])
     columns = tuple(zip(*rows, strict=True)) if rows else tuple(() for _ in range(max(widths)))
-    return Table(Path(path), columns, np.array(numbers, np.int64))
+    table = Table(Path(path), columns, np.array(numbers, np.int64))
+    if len(rows) > 1 and numbers[-1] == len(lines):
+        _refuse_cut_number(table)
+    return table
+
+
+def _refuse_cut_number(table: Table) -> None:
+    """Called if the last line has no end: is its last number shorter than all those above it?"""
+    decimals = [len(token.partition(".")[2]) for token in table.columns[-1]]
+    if len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
+        found = table.columns[-1][-1]
+        raise table.error(f"the file is cut off: its last number is {found!r}", len(table) - 1)
