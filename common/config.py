@@ -1,0 +1,143 @@
+"""Frozen dataclasses to and from JSON and command-line flags, checked field by field."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from common.errors import InputError
+
+T = TypeVar("T")
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """A JSON-ready dictionary of a (nested) dataclass; tuples become lists."""
+    return json.loads(json.dumps(dataclasses.asdict(config)))
+
+
+def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
+    """Builds the dataclass `cls` from a dictionary; unknown, missing or mistyped fields are errors.
+
+    Raises:
+        InputError: names the field, what was found and what was expected.
+    """
+    return _convert(cls, values, cls.__name__, path)
+
+
+def _convert(kind: Any, value: Any, name: str, path: str | Path | None) -> Any:
+    if dataclasses.is_dataclass(kind):
+        return _convert_dataclass(kind, value, name, path)
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise InputError(f"{name}: expected a list, found {value!r}", path)
+        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
+        if not variadic and len(value) != len(arguments):
+            raise InputError(f"{name}: expected {len(arguments)} items, found {value!r}", path)
+        kinds = [arguments[0]] * len(value) if variadic else arguments
+        return tuple(
+            _convert(k, v, f"{name}[{i}]", path)
+            for i, (k, v) in enumerate(zip(kinds, value, strict=True))
+        )
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise InputError(f"{name}: expected one of {list(arguments)}, found {value!r}", path)
+        return value
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        return _convert(next(a for a in arguments if a is not type(None)), value, name, path)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise InputError(f"{name}: expected {kind.__name__}, found {value!r}", path)
+    return value
+
+
+def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None) -> Any:
+    if not isinstance(value, dict):
+        raise InputError(f"{name}: expected an object, found {value!r}", path)
+    hints = typing.get_type_hints(cls)
+    names = [field.name for field in dataclasses.fields(cls)]
+    unknown = sorted(set(value) - set(names))
+    missing = [n for n in names if n not in value]
+    if unknown or missing:
+        raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
+    return cls(**{n: _convert(hints[n], value[n], f"{name}.{n}", path) for n in names})
+
+
+def add_flags(parser: argparse.ArgumentParser, config: Any, prefix: str = "") -> None:
+    """Adds one flag per field of the dataclass instance `config`, its value as the default.
+
+    Nested dataclasses give dotted names (``--detector.num_points``); tuples are written as JSON.
+    The field's ``metadata["help"]`` is the help text.
+    """
+    hints = typing.get_type_hints(type(config))
+    for field in dataclasses.fields(config):
+        value, name = getattr(config, field.name), prefix + field.name
+        if dataclasses.is_dataclass(value):
+            add_flags(parser, value, name + ".")
+            continue
+        parser.add_argument(
+            f"--{name}",
+            type=_parser_of(hints[field.name]),
+            default=value,
+            metavar=_metavar(hints[field.name]),
+            help=field.metadata.get("help", " "),
+        )
+
+
+def from_flags(config: T, flags: argparse.Namespace, prefix: str = "") -> T:
+    """`config` with the values that the flags of `add_flags` were given.
+
+    Raises:
+        InputError: a value that the field's type does not allow.
+    """
+    values = _flag_values(config, vars(flags), prefix)
+    return from_dict(type(config), values)
+
+
+def _flag_values(config: Any, flags: dict[str, Any], prefix: str) -> dict[str, Any]:
+    values = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        values[field.name] = (
+            _flag_values(value, flags, f"{prefix}{field.name}.")
+            if dataclasses.is_dataclass(value)
+            else flags[prefix + field.name]
+        )
+    return values
+
+
+def _metavar(kind: Any) -> str:
+    if typing.get_origin(kind) is typing.Literal:
+        return "|".join(str(a) for a in typing.get_args(kind))
+    return getattr(kind, "__name__", "VALUE").upper() if isinstance(kind, type) else "JSON"
+
+
+def _parser_of(kind: Any) -> Any:
+    if kind in (int, float, str):
+        return kind
+    if kind is bool:
+        return _parse_bool
+    if typing.get_origin(kind) is typing.Literal:
+        return str
+    return _parse_json
+
+
+def _parse_bool(text: str) -> bool:
+    if text not in ("true", "false"):
+        raise argparse.ArgumentTypeError(f"expected true or false, found {text!r}")
+    return text == "true"
+
+
+def _parse_json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text

@@ -1,0 +1,72 @@
+"""The association head (section III.2, Fig. 4): fuses the features of two frames."""
+
+from __future__ import annotations
+
+import keras
+import tensorflow as tf
+
+from models.config import Fusion
+from models.neighborhood import NeighborhoodMLP
+from models.set_upconv import neighbors_within
+from tf_ops import group_point
+
+
+def fuse(fusion: Fusion, previous: tf.Tensor, grouped: tf.Tensor) -> tf.Tensor:
+    """The fused value of Table III for every pair.
+
+    previous (B, M, C) features f_i of frame t-1, grouped (B, M, K, C) features f_j of frame t
+    -> (B, M, K, C) for elementwise_product, (B, M, K, 1) for cosine_distance and dot_product.
+    Dot products are divided by C, to start at the scale of the other features.
+    """
+    product = previous[:, :, tf.newaxis, :] * grouped
+    if fusion == "elementwise_product":
+        return product
+    dot = tf.reduce_sum(product, -1, keepdims=True)
+    if fusion == "dot_product":
+        return dot / float(previous.shape[-1])
+    norms = tf.sqrt(tf.reduce_sum(tf.square(previous), -1, keepdims=True)[:, :, tf.newaxis] + 1e-8)
+    norms *= tf.sqrt(tf.reduce_sum(tf.square(grouped), -1, keepdims=True) + 1e-8)
+    return dot / norms
+
+
+class AssociationHead(keras.layers.Layer):
+    """For every point of t-1: its K nearest points of t, features fused, MLP, max over the K."""
+
+    def __init__(
+        self,
+        channels: int,
+        fusion: Fusion,
+        keeps_features: bool,
+        radius: float,
+        num_neighbors: int,
+        widths: tuple[int, ...],
+        momentum: float,
+        **kwargs,
+    ):
+        super().__init__(**kwargs)
+        self.fusion, self.radius, self.num_neighbors = fusion, radius, num_neighbors
+        self.has_features = keeps_features or fusion == "concat"
+        pair = {"concat": 0, "elementwise_product": channels}.get(fusion, 1)
+        single = channels if self.has_features else 0
+        self.mlp = NeighborhoodMLP(
+            single, widths, momentum, query_channels=single, pair_channels=pair, name="mlp"
+        )
+        self.channels = self.mlp.channels
+        self.built = True
+
+    def call(self, xyz_previous, features_previous, xyz, features, training: bool) -> tf.Tensor:
+        """Frame t-1 (B,M,3), (B,M,C) and frame t (B,L,3), (B,L,C) -> (B, M, widths[-1])."""
+        neighbors = neighbors_within(self.num_neighbors, self.radius, xyz, xyz_previous)
+        pair = None
+        if self.fusion != "concat":
+            pair = fuse(self.fusion, features_previous, group_point(features, neighbors))
+        kept = (features, features_previous) if self.has_features else (None, None)
+        return self.mlp(
+            xyz,
+            kept[0],
+            xyz_previous,
+            neighbors,
+            training,
+            query_features=kept[1],
+            pair_features=pair,
+        )

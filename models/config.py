@@ -1,0 +1,120 @@
+"""Every number of the two networks, with its source (Table I of the paper, or a choice of ours).
+
+Letters used in models/: B batch, N points, M sampled points, K neighbours, C channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product"]  # Table III
+FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
+
+
+def _note(default, text: str):
+    return field(default=default, metadata={"help": text})
+
+
+@dataclass(frozen=True)
+class SetAbstractionConfig:
+    """One SA row of Table I; several radii make multi-scale grouping (MSG), one single-scale."""
+
+    num_points: int
+    radii: tuple[float, ...]  # metres
+    num_neighbors: tuple[int, ...]  # 32 everywhere: open in the paper, PointNet++'s value
+    widths: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class SetUpconvConfig:
+    """One FP row of Table I with a radius: a set upconv layer (FlowNet3D).
+
+    The last width is the layer after pooling and the skip connection, as in FlowNet3D.
+    """
+
+    radius: float  # metres; neighbours beyond it give way to the nearest
+    widths: tuple[int, ...]
+    num_neighbors: int = 8  # FlowNet3D
+
+
+def _sa(num_points: int, radius: float, *widths: int) -> SetAbstractionConfig:
+    return SetAbstractionConfig(num_points, (radius,), (32,), (widths,))
+
+
+def multi_scale(layer: SetAbstractionConfig) -> SetAbstractionConfig:
+    """The same layer with two scales, radius / 2 and radius, each with half of the widths."""
+    (radius,), (widths,) = layer.radii, layer.widths
+    half = tuple(width // 2 for width in widths)
+    return SetAbstractionConfig(layer.num_points, (radius / 2, radius), (16, 32), (half, half))
+
+
+@dataclass(frozen=True)
+class BoxCodingConfig:
+    """Heading bins, size templates and classes of the detector's head (Frustum PointNets)."""
+
+    num_heading_bins: int = _note(12, "NH (Frustum PointNets)")
+    classes: tuple[str, ...] = _note(("Car", "Van"), "NC semantic classes: the paper's vehicles")
+    size_templates: tuple[tuple[float, float, float], ...] = _note(
+        ((3.902, 1.620, 1.517), (4.935, 1.866, 2.167)),
+        "NS templates (l, w, h) in metres: means over the labels of sequences 0001-0015",
+    )
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """The detector's rows of Table I."""
+
+    num_points: int = _note(15000, "N (section IV.B)")
+    point_features: Literal["none", "height", "height+range"] = _note(
+        "height+range",
+        "features made from the coordinates of a point; none = the plain N x 3 input",
+    )
+    set_abstraction: tuple[SetAbstractionConfig, ...] = _note(
+        (
+            _sa(2048, 1.0, 32, 32, 64),
+            _sa(512, 2.0, 64, 64, 128),
+            _sa(128, 4.0, 128, 128, 256),
+            _sa(32, 8.0, 256, 256, 512),
+        ),
+        "SA1 to SA4",
+    )
+    set_upconv: tuple[SetUpconvConfig, ...] = _note(
+        (
+            SetUpconvConfig(8.0, (256, 256)),
+            SetUpconvConfig(4.0, (128, 128, 256)),
+            SetUpconvConfig(2.0, (128, 128, 256)),
+        ),
+        "FP1 to FP3",
+    )
+    propagation_widths: tuple[int, ...] = _note((256, 256), "FP4")
+    fc1_width: int = _note(128, "FC1")
+    box: BoxCodingConfig = field(default_factory=BoxCodingConfig)
+    batch_norm_momentum: float = _note(0.97, "moving averages; choice of ours for short trainings")
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """The tracker's rows of Table I."""
+
+    num_kept_points: int = _note(5000, "N' of the probability filter (section IV.B)")
+    fused_features: FusedFeatures = _note("filter+FC1", "Table IV; its best row")
+    fusion: Fusion = _note("cosine_distance", "Table III; its best row")
+    fusion_keeps_features: bool = _note(
+        True,
+        "append the fused value to [f_i, f_j, d_j] (the text of section III.2) instead of using it "
+        "in place of f_i and f_j (FlowNet3D)",
+    )
+    set_abstraction: tuple[SetAbstractionConfig, ...] = _note(
+        (_sa(2048, 0.5, 32, 32, 64), _sa(512, 1.0, 64, 64, 128)), "SA1 and SA2, both frames"
+    )
+    association_radius: float = _note(5.0, "Assn. (metres)")
+    association_neighbors: int = _note(64, "K (section IV.B)")
+    association_widths: tuple[int, ...] = _note((128, 128), "Assn.")
+    refinement_abstraction: SetAbstractionConfig = _sa(32, 4.0, 256, 256)  # SA3
+    refinement_upconv: tuple[SetUpconvConfig, ...] = _note(
+        (SetUpconvConfig(4.0, (256, 256)), SetUpconvConfig(1.0, (128, 256, 256))), "FP1 and FP2"
+    )
+    propagation_widths: tuple[int, ...] = _note((256, 256), "FP3")
+    fc1_width: int = _note(128, "FC1")
+    batch_norm_momentum: float = _note(0.97, "moving averages; choice of ours for short trainings")

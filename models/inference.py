@@ -1,0 +1,105 @@
+"""Both networks on a stream of scans: each frame passes the detector once (section III)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from models.detections import DecodingConfig, Detections, decode_detections
+from models.detector import Detector, detector_inputs
+from models.probability_filter import foreground_probability
+from models.tracker import EncodedFrame, Tracker, tracker_inputs
+
+
+class FrameState(NamedTuple):
+    """What one frame leaves behind for the next."""
+
+    points: np.ndarray  # (N', 3) float32 level frame: the kept points
+    features: np.ndarray  # (N', C) float32: their features (pooled for appearance)
+    detections: Detections
+    probability: np.ndarray  # (N,) foreground probability of the sampled points
+    sampled: np.ndarray  # (N, 3) float32 level frame: the points the network saw
+    encoded: EncodedFrame | None
+
+
+class StreamingNetwork:
+    """Detector and tracker, compiled once, fed frame by frame."""
+
+    def __init__(
+        self,
+        detector: Detector,
+        tracker: Tracker,
+        decoding: DecodingConfig | None = None,
+        seed: int = 0,
+    ):
+        self.detector, self.tracker = detector, tracker
+        self.decoding = decoding or DecodingConfig()
+        self.seed = seed
+        points = tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)
+        self._detect = tf.function(self._detect_graph, input_signature=[points], jit_compile=False)
+        self._associate = tf.function(tracker.displacement, jit_compile=False)
+
+    def _detect_graph(self, xyz):
+        inputs = detector_inputs(xyz, self.detector.config)
+        outputs = self.detector(inputs, training=False)
+        frame = tracker_inputs(inputs, outputs, self.tracker.config)
+        return outputs.boxes, frame, self.tracker.encode(frame)
+
+    def sample(self, points: np.ndarray, t: int) -> np.ndarray:
+        """(n, >=3) points -> (1, N, 3) chosen by seed and t; repeats where n < N."""
+        wanted = self.detector.config.num_points
+        rng = np.random.default_rng([self.seed, t])
+        count = len(points)
+        rows = rng.permutation(count)[:wanted]
+        if count < wanted:
+            rows = np.concatenate([rows, rng.integers(0, count, wanted - count)])
+        return np.ascontiguousarray(points[np.sort(rows), :3], np.float32)[None]
+
+    def detect(self, points: np.ndarray, t: int = 0) -> FrameState:
+        """The detector's pass over one scan.
+
+        Args:
+            points: (n, >=3) float, level frame, metres, camera crop; n may be 0.
+            t: frame number; with the seed it fixes which points are sampled.
+
+        Returns:
+            FrameState; without points its arrays are empty and `encoded` is None.
+
+        Raises:
+            ValueError: points of another shape, or not finite.
+        """
+        points = np.asarray(points, np.float32)
+        if points.ndim != 2 or points.shape[1] < 3:
+            raise ValueError(f"expected points of shape (n, >=3), found {points.shape}")
+        if not np.isfinite(points).all():
+            raise ValueError("expected finite points")
+        if not len(points):
+            return _nothing()
+        xyz = self.sample(points, t)
+        predictions, frame, encoded = self._detect(xyz)
+        detections = decode_detections(xyz, predictions, self.detector.config.box, self.decoding)
+        probability = foreground_probability(predictions.mask_logits).numpy()[0]
+        return FrameState(
+            frame.xyz.numpy()[0],
+            frame.features.numpy()[0],
+            detections[0],
+            probability,
+            xyz[0],
+            encoded,
+        )
+
+    def displacement(self, previous: FrameState, current: FrameState) -> np.ndarray:
+        """Association displacement (N', 3) float32, metres, of the points of the earlier frame."""
+        if previous.encoded is None or current.encoded is None:
+            return np.zeros_like(previous.points)
+        return self._associate(previous.encoded, current.encoded).numpy()[0]
+
+
+def _nothing() -> FrameState:
+    empty = np.zeros((0, 3), np.float32)
+    none = Detections(np.zeros((0, 7), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32))
+    return FrameState(
+        empty, np.zeros((0, 1), np.float32), none, np.zeros(0, np.float32), empty, None
+    )

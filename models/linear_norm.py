@@ -1,0 +1,138 @@
+"""Linear - BatchNorm - ReLU, the learnable unit of every layer of Table I (section IV.B)."""
+
+from __future__ import annotations
+
+import keras
+import tensorflow as tf
+
+EPSILON = 1e-3  # of BatchNorm; Keras's default
+
+
+class BatchNormReLU(keras.layers.Layer):
+    """Batch normalisation over all but the last axis, then ReLU.
+
+    Under tf.distribute the statistics are those of the joint batch of all replicas, so several
+    workers train to what one worker with the joint batch trains to.
+    """
+
+    def __init__(self, channels: int, momentum: float, **kwargs):
+        super().__init__(**kwargs)
+        self.channels, self.momentum = channels, momentum
+        self.gamma = self.add_weight(shape=(channels,), initializer="ones", name="gamma")
+        self.beta = self.add_weight(shape=(channels,), initializer="zeros", name="beta")
+        self.moving_mean = self.add_weight(
+            shape=(channels,),
+            initializer="zeros",
+            trainable=False,
+            name="moving_mean",
+            aggregation="mean",
+        )
+        self.moving_variance = self.add_weight(
+            shape=(channels,),
+            initializer="ones",
+            trainable=False,
+            name="moving_variance",
+            aggregation="mean",
+        )
+        self.built = True
+
+    def scale_shift(self) -> tuple[tf.Tensor, tf.Tensor]:
+        """Inference as y = relu(x * scale + shift): two (C,) tensors."""
+        scale = self.gamma.value * tf.math.rsqrt(self.moving_variance.value + EPSILON)
+        return scale, self.beta.value - self.moving_mean.value * scale
+
+    def call(self, x: tf.Tensor) -> tf.Tensor:
+        """Training: (R, C) -> (R, C), statistics of the batch; moves the averages."""
+        replicas = tf.distribute.get_replica_context()
+        joint = replicas is not None and replicas.num_replicas_in_sync > 1
+        y, mean, variance = self._joint(x, replicas) if joint else self._single(x)
+        for average, value in ((self.moving_mean, mean), (self.moving_variance, variance)):
+            average.assign(self.momentum * average.value + (1 - self.momentum) * value)
+        return tf.nn.relu(y)
+
+    def _single(self, x: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+        y, mean, variance, *_ = tf.raw_ops.FusedBatchNormV3(
+            x=x[:, tf.newaxis, tf.newaxis, :],
+            scale=self.gamma.value,
+            offset=self.beta.value,
+            mean=tf.zeros([0]),
+            variance=tf.zeros([0]),
+            epsilon=EPSILON,
+            is_training=True,
+        )
+        return y[:, 0, 0, :], mean, variance
+
+    def _joint(self, x, replicas) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+        moments = tf.stack([tf.reduce_mean(x, 0), tf.reduce_mean(tf.square(x), 0)])
+        mean, square = tf.unstack(replicas.all_reduce(tf.distribute.ReduceOp.MEAN, moments))
+        variance = tf.maximum(square - tf.square(mean), 0.0)
+        scale = self.gamma.value * tf.math.rsqrt(variance + EPSILON)
+        return x * scale + (self.beta.value - mean * scale), mean, variance
+
+
+class LinearNormReLU(keras.layers.Layer):
+    """relu(BatchNorm(sum of x_k W_k)): one linear layer over inputs that need not be concatenated.
+
+    W = [W_1; W_2; ...] is kept in parts, one for each of the named inputs, because a linear layer
+    commutes with gathering and interpolation: W [f_j ; x_j - x_i] = W_f f_j + W_x x_j - W_x x_i.
+    `project` gives x_k W_k before the rows are gathered, `finish` adds BatchNorm and ReLU after.
+    At inference BatchNorm is folded into W and a bias.
+    """
+
+    def __init__(self, parts: dict[str, int], width: int, momentum: float, **kwargs):
+        super().__init__(**kwargs)
+        self.width = width
+        limit = (6.0 / (sum(parts.values()) + width)) ** 0.5  # Glorot over the joint matrix
+        initializer = keras.initializers.RandomUniform(-limit, limit)
+        self.kernels = {
+            part: self.add_weight(
+                shape=(channels, width), initializer=_fresh(initializer), name=f"kernel_{part}"
+            )
+            for part, channels in parts.items()
+        }
+        self.norm = BatchNormReLU(width, momentum, name="norm")
+        self.built = True
+
+    def project(self, part: str, x: tf.Tensor, training: bool) -> tf.Tensor:
+        """x (..., C_part) -> x W_part (..., width); scaled by the folded BatchNorm at inference."""
+        kernel = self.kernels[part].value
+        if not training:
+            kernel *= self.norm.scale_shift()[0]
+        shape = tf.shape(x)
+        y = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), kernel)
+        return tf.reshape(y, tf.concat([shape[:-1], [self.width]], 0))
+
+    def finish(self, y: tf.Tensor, training: bool) -> tf.Tensor:
+        """BatchNorm and ReLU of the sum of projections, (..., width) -> (..., width)."""
+        if not training:
+            return tf.nn.relu(y + self.norm.scale_shift()[1])
+        return tf.reshape(self.norm(tf.reshape(y, [-1, self.width])), tf.shape(y))
+
+    def call(self, inputs: dict[str, tf.Tensor], training: bool) -> tf.Tensor:
+        """{part: (..., C_part)} -> (..., width)."""
+        parts = [self.project(part, x, training) for part, x in inputs.items()]
+        return self.finish(tf.add_n(parts), training)
+
+
+def _fresh(initializer: keras.initializers.RandomUniform) -> keras.initializers.RandomUniform:
+    """A new initializer with a seed of its own: Keras initializers repeat their values."""
+    return keras.initializers.RandomUniform(initializer.minval, initializer.maxval)
+
+
+class SharedMLP(keras.layers.Layer):
+    """A chain of Linear - BatchNorm - ReLU over the last axis: (..., C) -> (..., widths[-1])."""
+
+    def __init__(self, channels: int, widths: tuple[int, ...], momentum: float, **kwargs):
+        super().__init__(**kwargs)
+        self.layers = []
+        for i, width in enumerate(widths):
+            self.layers.append(LinearNormReLU({"x": channels}, width, momentum, name=f"linear{i}"))
+            channels = width
+        self.channels = channels
+        self.built = True
+
+    def call(self, x: tf.Tensor, training: bool) -> tf.Tensor:
+        """(..., C) -> (..., widths[-1])."""
+        for layer in self.layers:
+            x = layer({"x": x}, training)
+        return x

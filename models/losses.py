@@ -1,0 +1,147 @@
+"""The losses of section III.5, equations (1) to (5): one function per term.
+
+Every function returns a scalar float32: a mean over the weighted points of the local batch,
+divided by `normalizer` where one is given, so that shards of a joint batch add up to its loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import tensorflow as tf
+
+from models.config import _note
+
+
+@dataclass(frozen=True)
+class DetectionLossWeights:
+    """Weight of each term; equations (2) and (3) have 1 everywhere."""
+
+    mask: float = _note(1.0, "L_mask")
+    center: float = _note(1.0, "L_center")
+    h_cls: float = _note(1.0, "L_h_cls")
+    h_reg: float = _note(1.0, "L_h_reg")
+    s_cls: float = _note(1.0, "L_s_cls")
+    s_reg: float = _note(1.0, "L_s_reg")
+    sem_cls: float = _note(1.0, "L_sem_cls")
+
+
+@dataclass(frozen=True)
+class TrackingLossWeights:
+    """alpha and beta of equation (5): 1 unless measured better."""
+
+    alpha: float = _note(1.0, "weight of foreground points, equation (5)")
+    beta: float = _note(1.0, "weight of background points, equation (5)")
+
+
+def focal_loss(logits: tf.Tensor, labels: tf.Tensor, gamma: float) -> tf.Tensor:
+    """Equation (4): logits (..., C), labels (...) int -> (...) -(1 - p_t)^gamma log(p_t)."""
+    log_p = tf.nn.log_softmax(logits)
+    log_pt = tf.gather(log_p, labels, batch_dims=labels.shape.rank)
+    return -tf.pow(1.0 - tf.exp(log_pt), gamma) * log_pt
+
+
+def huber(error: tf.Tensor, delta: float = 1.0) -> tf.Tensor:
+    """Huber loss, elementwise (Frustum PointNets)."""
+    size = tf.abs(error)
+    quadratic = tf.minimum(size, delta)
+    return 0.5 * tf.square(quadratic) + delta * (size - quadratic)
+
+
+def weighted_mean(values: tf.Tensor, weights: tf.Tensor, normalizer: tf.Tensor) -> tf.Tensor:
+    """sum(values * weights) / normalizer; 0 where there is nothing to weigh."""
+    return tf.math.divide_no_nan(tf.reduce_sum(values * weights), normalizer)
+
+
+def mask_loss(logits, foreground, weights, normalizer, gamma) -> tf.Tensor:
+    """L_mask: logits (B, Q, 2), foreground (B, Q) int32, weights (B, Q)."""
+    return weighted_mean(focal_loss(logits, foreground, gamma), weights, normalizer)
+
+
+def center_loss(predicted, target, weights, normalizer) -> tf.Tensor:
+    """L_center: (B, Q, 3) metres; Huber on each axis, summed."""
+    return weighted_mean(tf.reduce_sum(huber(predicted - target), -1), weights, normalizer)
+
+
+def heading_class_loss(scores, bins, weights, normalizer, gamma) -> tf.Tensor:
+    """L_h_cls: scores (B, Q, NH), bins (B, Q) int32."""
+    return weighted_mean(focal_loss(scores, bins, gamma), weights, normalizer)
+
+
+def heading_regression_loss(residuals, bins, target, weights, normalizer) -> tf.Tensor:
+    """L_h_reg: residuals (B, Q, NH) of which the true bin's counts, target (B, Q), half bins."""
+    predicted = tf.gather(residuals, bins, batch_dims=2)
+    return weighted_mean(huber(predicted - target), weights, normalizer)
+
+
+def size_class_loss(scores, templates, weights, normalizer, gamma) -> tf.Tensor:
+    """L_s_cls: scores (B, Q, NS), templates (B, Q) int32."""
+    return weighted_mean(focal_loss(scores, templates, gamma), weights, normalizer)
+
+
+def size_regression_loss(residuals, templates, target, weights, normalizer) -> tf.Tensor:
+    """L_s_reg: residuals (B, Q, NS, 3) of which the true template's count, target (B, Q, 3)."""
+    predicted = tf.gather(residuals, templates, batch_dims=2)
+    return weighted_mean(tf.reduce_sum(huber(predicted - target), -1), weights, normalizer)
+
+
+def semantic_class_loss(scores, classes, weights, normalizer, gamma) -> tf.Tensor:
+    """L_sem_cls: scores (B, Q, NC), classes (B, Q) int32."""
+    return weighted_mean(focal_loss(scores, classes, gamma), weights, normalizer)
+
+
+def detection_losses(
+    predictions,
+    targets,
+    foreground,
+    mask_weights,
+    box_weights,
+    mask_normalizer,
+    box_normalizer,
+    gamma: float,
+) -> dict[str, tf.Tensor]:
+    """The terms of equations (2) and (3), unweighted, by name.
+
+    Args:
+        predictions: BoxPredictions (B, Q, ...). targets: BoxTargets (B, Q, ...).
+        foreground: (B, Q) int32, 1 on foreground. mask_weights, box_weights: (B, Q) float32,
+            box_weights 0 on background. normalizers: scalars, sums of weights of the joint batch.
+    """
+    p, t, w, n = predictions, targets, box_weights, box_normalizer
+    return {
+        "mask": mask_loss(p.mask_logits, foreground, mask_weights, mask_normalizer, gamma),
+        "center": center_loss(p.center_offset, t.center_offset, w, n),
+        "h_cls": heading_class_loss(p.heading_scores, t.heading_bin, w, n, gamma),
+        "h_reg": heading_regression_loss(
+            p.heading_residual_normalized, t.heading_bin, t.heading_residual_normalized, w, n
+        ),
+        "s_cls": size_class_loss(p.size_scores, t.size_template, w, n, gamma),
+        "s_reg": size_regression_loss(
+            p.size_residual_normalized, t.size_template, t.size_residual_normalized, w, n
+        ),
+        "sem_cls": semantic_class_loss(p.class_scores, t.semantic_class, w, n, gamma),
+    }
+
+
+def tracking_losses(predicted, target, positive, negative, counts) -> dict[str, tf.Tensor]:
+    """The terms of equation (5), L2^pos N / N_pos and L2^neg N / N_neg, by name, divided by N.
+
+    L2 is the distance between predicted and true displacement (section III.5), summed over the
+    points of each part. Dividing by N makes each term a mean, in metres, whatever the batch. A
+    frame without foreground (or background) has 0 for that term.
+
+    Args:
+        predicted, target: (B, N', 3) metres. positive, negative: (B, N') float32, 1 on foreground
+            and on background; both 0 where the object has left (ignored).
+        counts: (N_pos, N_neg) float32 scalars of the joint batch.
+    """
+    distance = tf.sqrt(tf.reduce_sum(tf.square(predicted - target), -1) + 1e-6)
+    return {
+        "pos": weighted_mean(distance, positive, counts[0]),
+        "neg": weighted_mean(distance, negative, counts[1]),
+    }
+
+
+def total_loss(terms: dict[str, tf.Tensor], weights: dict[str, float]) -> tf.Tensor:
+    """The weighted sum of equation (2) and (3), or (5)."""
+    return tf.add_n([weights[name] * term for name, term in terms.items()])

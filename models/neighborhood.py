@@ -1,0 +1,73 @@
+"""The local region network shared by set abstraction, set upconv and the association head."""
+
+from __future__ import annotations
+
+import keras
+import tensorflow as tf
+
+from models.linear_norm import LinearNormReLU, SharedMLP
+from tf_ops import group_point
+
+
+class NeighborhoodMLP(keras.layers.Layer):
+    """max over neighbours j of MLP([f_j ; x_j - x_i ; q_i ; e_ij]) (PointNet++, FlowNet3D).
+
+    The first linear layer is applied before grouping, once per point instead of once per
+    neighbour; the result is the same, gradients included:
+    W [f_j ; x_j - x_i ; q_i ; e_ij] = (W_f f_j + W_x x_j) - (W_x x_i - W_q q_i) + W_e e_ij.
+    """
+
+    def __init__(
+        self,
+        source_channels: int,
+        widths: tuple[int, ...],
+        momentum: float,
+        query_channels: int = 0,
+        pair_channels: int = 0,
+        **kwargs,
+    ):
+        super().__init__(**kwargs)
+        parts = {
+            "source": source_channels,
+            "xyz": 3,
+            "query": query_channels,
+            "pair": pair_channels,
+        }
+        parts = {part: channels for part, channels in parts.items() if channels}
+        self.first = LinearNormReLU(parts, widths[0], momentum, name="linear0")
+        self.rest = SharedMLP(widths[0], widths[1:], momentum, name="rest")
+        self.channels = widths[-1]
+        self.built = True
+
+    def call(
+        self,
+        source_xyz,
+        source_features,
+        query_xyz,
+        neighbors,
+        training: bool,
+        query_features=None,
+        pair_features=None,
+    ) -> tf.Tensor:
+        """Pools the neighbours of each query point.
+
+        Args:
+            source_xyz: (B, N, 3) metres; source_features: (B, N, C) or None if C is 0.
+            query_xyz: (B, M, 3) metres; neighbors: (B, M, K) int32 rows of source.
+            query_features: (B, M, Q) or None; pair_features: (B, M, K, E) or None.
+
+        Returns:
+            (B, M, widths[-1]) float32.
+        """
+        first = self.first
+        source = first.project("xyz", source_xyz, training)
+        if source_features is not None:
+            source += first.project("source", source_features, training)
+        query = first.project("xyz", query_xyz, training)
+        if query_features is not None:
+            query -= first.project("query", query_features, training)
+        x = group_point(source, neighbors) - query[:, :, tf.newaxis, :]  # (B, M, K, widths[0])
+        if pair_features is not None:
+            x += first.project("pair", pair_features, training)
+        x = self.rest(first.finish(x, training), training)
+        return tf.reduce_max(x, axis=2)

@@ -1,0 +1,103 @@
+"""What train_det.py and train_track.py share: flags, smoke run, the call of the loop."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+from common.config import add_flags, from_flags
+from common.flags import ArgumentParser
+
+STRATEGIES = ("one", "mirrored", "multiworker")
+
+
+def parser(description: str, config) -> ArgumentParser:
+    """Flags of both scripts, and one for each field of the configuration."""
+    result = ArgumentParser(description=description)
+    add = result.add_argument
+    add(
+        "--data_root",
+        action="append",
+        required=True,
+        metavar="DIR",
+        help="data in KITTI's tracking layout; may be given several times",
+    )
+    add(
+        "--seqs",
+        action="append",
+        metavar="SEQS",
+        help="training sequences, like 0000-0015 or 0001,0003; one for all roots or one each",
+    )
+    add("--val_data_root", metavar="DIR", help="default: the first --data_root")
+    add("--val_seqs", default="0016-0020", metavar="SEQS", help="validation sequences")
+    add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
+    add("--resume", action="store_true", help="go on where the training in --workdir stopped")
+    add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
+    add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
+    add("--deterministic", action="store_true", help="the same bits in every run")
+    add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
+    add_flags(result, config)
+    return result
+
+
+def configured(flags, config):
+    """The configuration that the flags ask for; --smoke cuts its length."""
+    config = from_flags(config, flags)
+    if flags.smoke:
+        schedule = dataclasses.replace(
+            config.schedule,
+            epochs=1,
+            frames_per_epoch=3 * config.schedule.batch_size,
+            validation_frames=2,
+        )
+        config = dataclasses.replace(config, schedule=schedule)
+    return config
+
+
+def open_data(flags):
+    """(training sequences, validation sequences, a record of both)."""
+    from kitti.sequence import open_sequences
+    from kitti.splits import parse_sequences
+    from training.frames import open_training_data
+
+    seqs = flags.seqs or ["0000-0015"]
+    training = open_training_data(flags.data_root, seqs)
+    root = flags.val_data_root or flags.data_root[0]
+    validation = open_sequences(root, parse_sequences(flags.val_seqs), "training")
+    record = {
+        "training": [f"{s.data_root}/{s.name}" for s in training],
+        "validation": [f"{s.data_root}/{s.name}" for s in validation],
+    }
+    return training, validation, record
+
+
+def train(flags, make_task, config) -> int:
+    """Runs a training as the flags say; returns the exit code (1 if it diverged)."""
+    from training import checkpoint
+    from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
+    from training.strategies import make_strategy, seed_everything
+
+    workdir = Path(flags.workdir)
+    if flags.strategy != "multiworker" and (workdir / "config.json").exists():
+        prepare_workdir(workdir, flags.resume)
+    strategy = make_strategy(flags.strategy)
+    seed_everything(config.schedule.seed, flags.deterministic)
+    training, validation, record = open_data(flags)
+    run = start(
+        lambda: make_task(config, training, validation),
+        strategy,
+        workdir,
+        {**record, "init": flags.init},
+    )
+    if flags.init and not flags.resume:
+        _, arrays = checkpoint.load(flags.init)
+        arrays = {k: v for k, v in arrays.items() if k.startswith("model/")}
+        with strategy.scope():
+            checkpoint.restore(flags.init, arrays, model=run.task.model.weights)
+    try:
+        run_training(run, flags.resume)
+    except TrainingDivergedError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,119 @@
+"""What training the detector means: samples, losses and validation figures."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from common.config import to_dict
+from kitti.iou import iou_3d
+from models.detections import DecodingConfig, decode_detections
+from models.detector import Detector, DetectorInputs, detector_inputs
+from models.losses import detection_losses, total_loss
+from training.config import DetectorTrainingConfig
+from training.frames import FrameReader, frame_list
+from training.samples import DetectorSample, make_detector_sample, no_augmentation
+
+
+class DetectorBatch(NamedTuple):
+    """What a training step of the detector takes."""
+
+    inputs: DetectorInputs
+    sample: DetectorSample
+
+
+def joint(*sums: tf.Tensor) -> list[tf.Tensor]:
+    """Sums of this replica -> sums over the joint batch of all replicas."""
+    context = tf.distribute.get_replica_context()
+    if context is None or context.num_replicas_in_sync == 1:
+        return list(sums)
+    return tf.unstack(context.all_reduce(tf.distribute.ReduceOp.SUM, tf.stack(sums)))
+
+
+class DetectorTask:
+    """The detector graph with its losses, equations (2) to (4)."""
+
+    kind = "detector"
+    best_figure, best_is_largest = "box_recall_0.5", True
+
+    def __init__(self, config: DetectorTrainingConfig, sequences, validation):
+        self.config, self.schedule = config, config.schedule
+        self.model, self.meta = Detector(config.detector), {}
+        classes = config.detector.box.classes
+        self.reader, self.items = FrameReader(sequences, classes), frame_list(sequences)
+        self.validation_reader = FrameReader(validation, classes)
+        self.validation_items = frame_list(validation)
+        self.weights = to_dict(config.loss)
+        self.decoding = DecodingConfig()
+
+    def make(self, index: int, position: int) -> DetectorSample:
+        """The sample of an item at a position of the endless order of samples."""
+        epoch = position // len(self.items)
+        return make_detector_sample(
+            self.reader, self.items[index], epoch, index, self.config, self.config.augmentation
+        )
+
+    def make_validation(self, index: int, _position: int) -> DetectorSample:
+        """A sample without augmentation; the same whenever it is asked for."""
+        return make_detector_sample(
+            self.validation_reader,
+            self.validation_items[index],
+            0,
+            index,
+            self.config,
+            no_augmentation(),
+        )
+
+    def prepare(self, sample: DetectorSample) -> DetectorBatch:
+        """Makes the pyramid of indices, in the input pipeline."""
+        inputs = detector_inputs(sample.points, self.config.detector, sample.query)
+        return DetectorBatch(inputs, sample)
+
+    def losses(self, batch: DetectorBatch, training: bool) -> dict[str, tf.Tensor]:
+        """Every term by name and their weighted sum as "loss"; shares of the joint batch."""
+        sample = batch.sample
+        outputs = self.model(batch.inputs, training=training)
+        mask_sum, box_sum = joint(
+            tf.reduce_sum(sample.mask_weights), tf.reduce_sum(sample.box_weights)
+        )
+        terms = detection_losses(
+            outputs.boxes,
+            sample.targets,
+            sample.foreground,
+            sample.mask_weights,
+            sample.box_weights,
+            mask_sum,
+            box_sum,
+            self.config.focal_gamma,
+        )
+        return {"loss": total_loss(terms, self.weights), **terms}
+
+    def validation_step(self, batch: DetectorBatch) -> list[tf.Tensor]:
+        """Counts of the mask, and the predictions that are decoded outside the graph."""
+        outputs = self.model(batch.inputs, training=False)
+        predictions = outputs.boxes
+        found = predictions.mask_logits[..., 1] > predictions.mask_logits[..., 0]
+        true = batch.sample.foreground > 0
+        both = tf.reduce_sum(tf.cast(found & true, tf.float32) * batch.sample.mask_weights)
+        either = tf.reduce_sum(tf.cast(found | true, tf.float32) * batch.sample.mask_weights)
+        return [both, either, predictions]
+
+    def validate(self, batches) -> dict[str, float]:
+        """Figures over (positions, batch, step output): mask IoU, box recall and precision."""
+        both = either = hits = boxes = found = 0.0
+        for indices, batch, (one, other, predictions) in batches:
+            both, either = both + float(one), either + float(other)
+            query = batch.inputs.query_xyz.numpy()
+            decoded = decode_detections(query, predictions, self.config.detector.box, self.decoding)
+            for index, detections in zip(indices, decoded, strict=True):
+                frame = self.validation_reader.read(*self.validation_items[index])
+                iou = iou_3d(frame.boxes, detections.boxes)
+                hits += np.count_nonzero(iou.max(1, initial=0.0) >= 0.5)
+                boxes, found = boxes + len(frame.boxes), found + len(detections.boxes)
+        return {
+            "mask_iou": both / max(either, 1.0),
+            "box_recall_0.5": hits / max(boxes, 1.0),
+            "box_precision_0.5": hits / max(found, 1.0),
+        }

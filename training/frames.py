@@ -1,0 +1,91 @@
+"""Labelled frames from disk, as training sees them: points, vehicle boxes, foreground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as SequenceOf
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from common.errors import InputError
+from kitti.ground import ground_mask
+from kitti.sequence import Sequence, open_sequences
+from kitti.splits import parse_sequences
+
+
+class LabelledFrame(NamedTuple):
+    """One frame with the labels that training needs."""
+
+    points: np.ndarray  # (n, 3) float32 level frame, camera crop
+    boxes: np.ndarray  # (M, 7) float64 level frame, vehicles only
+    classes: np.ndarray  # (M,) int32 index into the detector's classes
+    track_ids: np.ndarray  # (M,) int32
+    ground: np.ndarray  # (n,) bool
+    ignored: np.ndarray  # (n,) bool, in the image inside a DontCare region
+
+
+def open_training_data(roots: SequenceOf[str | Path], seqs: SequenceOf[str]) -> list[Sequence]:
+    """Sequences of several data roots; seqs has one entry a root (or one for all), like 0000-0015.
+
+    Raises:
+        InputError: a root or sequence is missing, or the counts differ.
+    """
+    if len(seqs) == 1:
+        seqs = list(seqs) * len(roots)
+    if len(seqs) != len(roots):
+        raise InputError(f"expected one --seqs for each --data_root, found {len(seqs)}")
+    sequences = []
+    for root, text in zip(roots, seqs, strict=True):
+        sequences += open_sequences(root, parse_sequences(text), "training")
+    return sequences
+
+
+def frame_list(sequences: list[Sequence]) -> list[tuple[int, int]]:
+    """(sequence index, frame) of every frame that has a scan."""
+    return [(i, t) for i, s in enumerate(sequences) for t in s.frames if s.has_scan(t)]
+
+
+def pair_list(sequences: list[Sequence]) -> list[tuple[int, int]]:
+    """(sequence index, t) of every adjacent pair (t-1, t) whose two scans are there."""
+    return [(i, t) for i, s in enumerate(sequences) for _, t in s.pairs(scans=True)]
+
+
+def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> LabelledFrame:
+    """Reads frame t of a sequence; the ground points and DontCare regions are found here."""
+    points = np.ascontiguousarray(sequence.read_points_level(t)[:, :3], np.float32)
+    objects = sequence.objects.at(t)
+    vehicles = objects.of_classes(classes)
+    names = np.array([classes.index(name) for name in vehicles.type], np.int32)
+    ground = ground_mask(points) if len(points) else np.zeros(0, bool)
+    regions = objects.of_classes(("DontCare",)).bbox
+    return LabelledFrame(
+        points,
+        np.asarray(vehicles.boxes, np.float64).reshape(-1, 7),
+        names,
+        np.asarray(vehicles.track_id, np.int32),
+        ground,
+        _inside(points, sequence, regions),
+    )
+
+
+def _inside(points: np.ndarray, sequence: Sequence, regions: np.ndarray) -> np.ndarray:
+    inside = np.zeros(len(points), bool)
+    if len(regions) and len(points):
+        uv, _ = sequence.calib.project_level(points)
+        for x1, y1, x2, y2 in regions:
+            u, v = uv[:, 0], uv[:, 1]
+            inside |= (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
+    return inside
+
+
+class FrameReader:
+    """Reads labelled frames of a list of sequences, keeping the last few."""
+
+    def __init__(self, sequences: list[Sequence], classes: tuple[str, ...], keep: int = 64):
+        self.sequences, self.classes = sequences, classes
+        self.read = lru_cache(maxsize=keep)(self._read)
+
+    def _read(self, index: int, t: int) -> LabelledFrame:
+        return read_frame(self.sequences[index], t, self.classes)

@@ -1,0 +1,92 @@
+"""What a training leaves to read: history.csv, curves as PNG, TensorBoard."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import tensorflow as tf
+
+from common.errors import InputError
+from common.files import atomic_path, write_text
+
+
+class History:
+    """Rows of figures, one an epoch, kept in history.csv and rewritten whole each time."""
+
+    def __init__(self, path: str | Path, last_step: int = 0):
+        self.path = Path(path)
+        self.rows = [row for row in self._read() if int(float(row["step"])) <= last_step]
+
+    def _read(self) -> list[dict[str, Any]]:
+        if not self.path.exists():
+            return []
+        try:
+            with self.path.open(newline="", encoding="utf-8") as file:
+                rows = [
+                    {key: float(value) for key, value in row.items()}
+                    for row in csv.DictReader(file)
+                ]
+        except (UnicodeDecodeError, ValueError, TypeError) as error:
+            raise InputError(f"not a training history ({error})", self.path) from error
+        if rows and "step" not in rows[0]:
+            raise InputError("expected a column named step", self.path, 1)
+        return rows
+
+    def add(self, row: dict[str, float]) -> None:
+        """Adds a row and writes the file anew, atomically."""
+        self.rows.append(row)
+        text = io.StringIO()
+        writer = csv.DictWriter(text, fieldnames=list(row), lineterminator="\n")
+        writer.writeheader()
+        for r in self.rows:
+            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in row})
+        write_text(self.path, text.getvalue())
+
+    def plot(self, path: str | Path) -> None:
+        """Draws every column over the epochs, a panel each."""
+        from matplotlib.figure import Figure
+
+        names = [name for name in self.rows[-1] if name not in ("epoch", "step")]
+        columns = 4
+        lines = -(-len(names) // columns)
+        figure = Figure(figsize=(4 * columns, 2.6 * lines), layout="constrained")
+        panels = figure.subplots(lines, columns, squeeze=False).ravel()
+        epochs = [row["epoch"] for row in self.rows]
+        for panel, name in zip(panels, names, strict=False):
+            panel.plot(epochs, [row.get(name) for row in self.rows], marker=".")
+            panel.set_title(name, fontsize=9)
+            panel.set_xlabel("epoch", fontsize=8)
+        for panel in panels[len(names) :]:
+            panel.set_visible(False)
+        with atomic_path(path) as temporary:
+            figure.savefig(temporary, dpi=100)
+
+
+class TensorBoard:
+    """Scalars and pictures for TensorBoard."""
+
+    def __init__(self, folder: str | Path):
+        self.writer = tf.summary.create_file_writer(str(folder))
+
+    def scalars(self, step: int, values: dict[str, float]) -> None:
+        """Writes each value under its name."""
+        with self.writer.as_default():
+            for name, value in values.items():
+                tf.summary.scalar(name, value, step=step)
+        self.writer.flush()
+
+    def picture(self, step: int, name: str, figure) -> None:
+        """Writes a matplotlib figure."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        import numpy as np
+
+        pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+        with self.writer.as_default():
+            tf.summary.image(name, pixels[None], step=step)
+        self.writer.flush()

@@ -1,0 +1,287 @@
+"""The training loop of both networks: one straight loop over steps, under tf.distribute."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+from common.config import to_dict
+from common.errors import InputError
+from common.files import write_json
+from common.progress import Progress
+from common.provenance import provenance
+from training import checkpoint
+from training.checkpoint import CheckpointFolder
+from training.learning_rate import CyclicalLearningRate
+from training.logs import History, TensorBoard
+from training.pipeline import Order, dataset, micro_batches
+
+
+class TrainingDivergedError(RuntimeError):
+    """The loss is not finite; the last good checkpoint is kept."""
+
+
+@dataclass
+class Run:
+    """A training under way: task, optimiser, strategy and where it writes."""
+
+    task: object  # DetectorTask or TrackerTask
+    optimizer: keras.optimizers.Optimizer
+    strategy: tf.distribute.Strategy
+    order: Order
+    workdir: Path
+    chief: bool
+    started: dict
+
+    @property
+    def groups(self) -> dict:
+        """What a checkpoint holds."""
+        return {"model": self.task.model.weights, "optimizer": self.optimizer.variables}
+
+
+def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict) -> Run:
+    """Builds task and optimiser under the strategy; `data` describes the data for the record."""
+    with strategy.scope():
+        task = make_task()
+        schedule = task.schedule
+        order = _order(task, strategy.num_replicas_in_sync)
+        optimizer = keras.optimizers.Adam(
+            CyclicalLearningRate(
+                schedule.learning_rate_min,
+                schedule.learning_rate_max,
+                schedule.cycle_epochs * order.steps_per_epoch,
+            ),
+            beta_1=schedule.beta1,
+            beta_2=schedule.beta2,
+            epsilon=schedule.epsilon,
+        )
+        optimizer.build(task.model.trainable_variables)
+    resolver = strategy.cluster_resolver
+    chief = (
+        resolver is None
+        or resolver.task_type is None
+        or (resolver.task_type in ("chief", "worker") and resolver.task_id == 0)
+    )
+    started = provenance(
+        config=to_dict(task.config),
+        seed=schedule.seed,
+        data=data,
+        parameters=int(sum(np.prod(v.shape) for v in task.model.trainable_variables)),
+    )
+    return Run(task, optimizer, strategy, order, Path(workdir), chief, started)
+
+
+def _order(task, replicas: int) -> Order:
+    schedule, count = task.schedule, len(task.items)
+    if not count:
+        raise InputError("the training sequences hold no frame (or adjacent pair) with a scan")
+    if schedule.batch_size % replicas:
+        raise InputError(f"batch_size {schedule.batch_size} is no multiple of {replicas} replicas")
+    return Order(count, schedule.frames_per_epoch or count, schedule.batch_size, schedule.seed)
+
+
+def prepare_workdir(workdir: Path, resume: bool) -> None:
+    """Refuses a used workdir without --resume, and --resume of an unused one."""
+    used = (workdir / "config.json").exists()
+    if used and not resume:
+        raise InputError("holds a training already: give --resume or another --workdir", workdir)
+    if resume and not used:
+        raise InputError("nothing to resume here: expected config.json", workdir)
+
+
+def run_training(run: Run, resume: bool = False) -> dict[str, float]:
+    """Trains to the configured number of epochs; returns the last epoch's figures.
+
+    Raises:
+        InputError: the workdir is used (or not, with resume), or its checkpoint does not fit.
+        TrainingDivergedError: the loss became NaN or infinite.
+    """
+    workdir, schedule = run.workdir, run.task.schedule
+    prepare_workdir(workdir, resume)
+    folder = CheckpointFolder(workdir / "checkpoints", schedule.keep_checkpoints)
+    step = _resume(run, folder) if resume else 0
+    if run.chief and not resume:
+        write_json(workdir / "config.json", run.started)
+    history = History(workdir / "history.csv", step)
+    board = TensorBoard(workdir / "tensorboard") if run.chief else None
+    per_epoch = run.order.steps_per_epoch
+    batches = iter(_training_data(run, step, schedule.epochs * per_epoch))
+    train_step = _compile_train_step(run)
+    figures: dict[str, float] = history.rows[-1] if history.rows else {}
+    for epoch in range(step // per_epoch, schedule.epochs):
+        means = _epoch(run, folder, batches, train_step, epoch, step)
+        step = (epoch + 1) * per_epoch
+        if not run.chief:
+            continue
+        figures = {"epoch": epoch + 1, "step": step, **means, **_validate(run)}
+        history.add(figures)
+        history.plot(workdir / "curves.png")
+        board.scalars(step, figures)
+        _picture(run, board, step)
+        _report(figures)
+        _save(run, folder, step, figures)
+        _keep_best(run, folder, history, figures)
+    return figures
+
+
+def _training_data(run: Run, first: int, last: int):
+    task, order, replicas = run.task, run.order, run.strategy.num_replicas_in_sync
+
+    def make(context=None):
+        pipelines = context.num_input_pipelines if context else 1
+        number = context.input_pipeline_id if context else 0
+        local = replicas // pipelines
+        return dataset(
+            task.make,
+            task.prepare,
+            lambda: micro_batches(order, first, last, number, local, replicas),
+            order.batch_size // replicas,
+        )
+
+    if replicas == 1:
+        return make()
+    return run.strategy.distribute_datasets_from_function(make)
+
+
+def _compile_train_step(run: Run):
+    task, optimizer, strategy = run.task, run.optimizer, run.strategy
+    variables, clip = task.model.trainable_variables, task.schedule.clip_norm
+
+    def replica_step(batch):
+        with tf.GradientTape() as tape:
+            terms = task.losses(batch, training=True)
+        gradients = tape.gradient(terms["loss"], variables)
+        context = tf.distribute.get_replica_context()
+        replicas = context.num_replicas_in_sync
+        if replicas > 1:
+            gradients = context.all_reduce(tf.distribute.ReduceOp.SUM, gradients)
+            terms = context.all_reduce(tf.distribute.ReduceOp.SUM, terms)
+        gradients, norm = tf.clip_by_global_norm(gradients, clip)
+        if replicas > 1:  # the optimiser adds up the replicas' gradients once more
+            gradients = [g / replicas for g in gradients]
+        optimizer.apply_gradients(zip(gradients, variables, strict=True))
+        return {**terms, "gradient_norm": norm}
+
+    @tf.function(jit_compile=False)
+    def train_step(batch):
+        values = strategy.run(replica_step, args=(batch,))
+        return {k: strategy.experimental_local_results(v)[0] for k, v in values.items()}
+
+    return train_step
+
+
+def _epoch(run: Run, folder, batches, train_step, epoch: int, step: int) -> dict[str, float]:
+    """Runs the rest of an epoch; returns the means of its terms (of the steps run here)."""
+    schedule, per_epoch = run.task.schedule, run.order.steps_per_epoch
+    sums: dict[str, float] = {}
+    saved, first = time.monotonic(), step
+    title = f"{run.task.kind} epoch {epoch + 1}/{schedule.epochs}"
+    with Progress(per_epoch, title, "step", initial=step - epoch * per_epoch) as bar:
+        while step < (epoch + 1) * per_epoch:
+            values = {name: float(v) for name, v in train_step(next(batches)).items()}
+            if not all(map(math.isfinite, values.values())):
+                raise TrainingDivergedError(f"step {step}: {values}; the last checkpoint is kept")
+            step += 1
+            for name, value in values.items():
+                sums[name] = sums.get(name, 0.0) + value
+            rate = float(run.optimizer.learning_rate)
+            shown = {name: f"{value:.3f}" for name, value in values.items()}
+            bar.update(1, lr=f"{rate:.1e}", **shown)
+            if run.chief and time.monotonic() - saved > 60 * schedule.checkpoint_minutes:
+                _save(run, folder, step, {})
+                saved = time.monotonic()
+    means = {name: value / (step - first) for name, value in sums.items()}
+    return {**means, "learning_rate": rate}
+
+
+def _validate(run: Run) -> dict[str, float]:
+    """The task's validation figures over fixed samples, spread evenly over the data."""
+    task, wanted = run.task, run.task.schedule.validation_frames
+    available = len(task.validation_items)
+    if not available:
+        return {}
+    count = min(wanted or available, available)
+    chosen = np.linspace(0, available - 1, count).round().astype(np.int64)
+    size = min(4, count)
+    chosen = chosen[: count - count % size].reshape(-1, size)
+    data = dataset(
+        task.make_validation, task.prepare, lambda: zip(chosen, chosen, strict=True), size
+    )
+    step = _validation_step(task)
+    return task.validate(
+        (rows, batch, step(batch)) for rows, batch in zip(chosen, data, strict=True)
+    )
+
+
+def _validation_step(task):
+    if not hasattr(task, "compiled_validation_step"):
+        task.compiled_validation_step = tf.function(task.validation_step, jit_compile=False)
+    return task.compiled_validation_step
+
+
+def _picture(run: Run, board: TensorBoard, step: int) -> None:
+    """A bird's-eye picture of the first validation sample."""
+    from training.pictures import birds_eye
+
+    if run.task.validation_items:
+        board.picture(step, "birds_eye", birds_eye(run.task))
+
+
+def _report(figures: dict[str, float]) -> None:
+    print("  ".join(f"{name} {value:.4g}" for name, value in figures.items()), flush=True)
+
+
+def _meta(run: Run, figures: dict[str, float]) -> dict:
+    task = run.task
+    return {
+        "kind": task.kind,
+        "config": to_dict(task.config),
+        "figures": figures,
+        "record": run.started,
+        **task.meta,
+    }
+
+
+def _save(run: Run, folder: CheckpointFolder, step: int, figures: dict[str, float]) -> None:
+    folder.save(step, _meta(run, figures), **run.groups)
+
+
+def _keep_best(run: Run, folder: CheckpointFolder, history: History, figures) -> None:
+    name, sign = run.task.best_figure, 1 if run.task.best_is_largest else -1
+    if name not in figures:
+        return
+    if all(sign * figures[name] >= sign * row.get(name, -sign * math.inf) for row in history.rows):
+        meta = {**_meta(run, figures), "step": figures["step"]}
+        checkpoint.save(folder.best_path, meta, model=run.task.model.weights)
+
+
+def _resume(run: Run, folder: CheckpointFolder) -> int:
+    """Restores the last checkpoint of the folder; 0 if none was written yet."""
+    steps = folder.steps()
+    if not steps:
+        return 0
+    path = folder.path(steps[-1])
+    meta, arrays = checkpoint.load(path)
+    if meta["config"] != to_dict(run.task.config):
+        changed = _changes(meta["config"], to_dict(run.task.config))
+        raise InputError(f"was made with another configuration: {changed}", path)
+    with run.strategy.scope():
+        checkpoint.restore(path, arrays, **run.groups)
+    return int(meta["step"])
+
+
+def _changes(old: dict, new: dict, prefix: str = "") -> str:
+    found = []
+    for key in sorted(set(old) | set(new)):
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            found.append(_changes(a, b, f"{prefix}{key}."))
+        elif a != b:
+            found.append(f"{prefix}{key} {a!r} -> {b!r}")
+    return ", ".join(text for text in found if text)

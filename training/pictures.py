@@ -1,0 +1,73 @@
+"""A bird's-eye picture of what the network says about a validation sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import tensorflow as tf
+
+from kitti.boxes import box_corners
+from models.detections import decode_detections
+from models.probability_filter import foreground_probability
+
+
+def draw_boxes(panel, boxes: np.ndarray, **style) -> None:
+    """Outlines of boxes (M, 7) in a bird's-eye panel, x to the right and y up, metres."""
+    for corners in box_corners(np.asarray(boxes, np.float64).reshape(-1, 7)):
+        outline = corners[[0, 1, 2, 3, 0], :2]
+        panel.plot(outline[:, 0], outline[:, 1], **style)
+
+
+def birds_eye(task):
+    """A matplotlib figure of the first validation sample: points, truth (green), network (blue)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    panel = figure.subplots()
+    sample = task.make_validation(0, 0)
+    batch = task.prepare(tf.nest.map_structure(lambda x: tf.convert_to_tensor(x)[None], sample))
+    if task.kind == "detector":
+        _detector_panel(panel, task, batch)
+    else:
+        _tracker_panel(panel, task, batch)
+    panel.set_aspect("equal")
+    panel.set_xlim(0, 70)
+    panel.set_ylim(-30, 30)
+    panel.set_xlabel("x forward (m)")
+    panel.set_ylabel("y left (m)")
+    return figure
+
+
+def _detector_panel(panel, task, batch) -> None:
+    outputs = task.model(batch.inputs, training=False)
+    probability = foreground_probability(outputs.boxes.mask_logits).numpy()[0]
+    xyz = batch.inputs.query_xyz.numpy()
+    panel.scatter(xyz[0, :, 0], xyz[0, :, 1], c=probability, s=0.5, cmap="coolwarm", vmin=0, vmax=1)
+    frame = task.validation_reader.read(*task.validation_items[0])
+    draw_boxes(panel, frame.boxes, color="green", linewidth=1)
+    found = decode_detections(xyz, outputs.boxes, task.config.detector.box, task.decoding)[0]
+    draw_boxes(panel, found.boxes, color="blue", linewidth=1)
+    panel.set_title("foreground probability; boxes: truth green, network blue")
+
+
+def _tracker_panel(panel, task, batch) -> None:
+    from models.tracker import kept_rows
+
+    predicted, target, foreground = (x.numpy()[0] for x in task._predict(batch, training=False))
+    outputs = task.detector(batch.previous, training=False)
+    rows = kept_rows(batch.previous, outputs, task.config.tracker)
+    xyz = tf.gather(batch.previous.query_xyz, rows, batch_dims=1).numpy()[0]
+    panel.scatter(xyz[:, 0], xyz[:, 1], s=0.5, color="lightgrey")
+    chosen = np.flatnonzero(foreground == 1)[::10]
+    for values, color in ((target, "green"), (predicted, "blue")):
+        panel.quiver(
+            xyz[chosen, 0],
+            xyz[chosen, 1],
+            values[chosen, 0],
+            values[chosen, 1],
+            color=color,
+            angles="xy",
+            scale_units="xy",
+            scale=1,
+            width=0.0015,
+        )
+    panel.set_title("association displacement of foreground points: truth green, network blue")

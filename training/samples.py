@@ -1,0 +1,197 @@
+"""One training sample of each network, as arrays of fixed shape (NumPy; level frame)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kitti.displacement import displace_points
+from kitti.scans import sample_points
+from kitti.targets import association_displacement, foreground_labels, point_displacement
+from models.box_coding import BoxTargets, encode_boxes
+from models.config import BoxCodingConfig
+from training.augmentation import SceneTransform, random_offsets
+from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
+from training.frames import FrameReader, LabelledFrame
+
+
+class DetectorSample(NamedTuple):
+    """A scan and what the detector should say at its query points."""
+
+    points: np.ndarray  # (N, 3) float32
+    query: np.ndarray  # (Q, 3) float32
+    foreground: np.ndarray  # (Q,) int32
+    mask_weights: np.ndarray  # (Q,) float32; 0 in DontCare regions
+    box_weights: np.ndarray  # (Q,) float32; 0 on background
+    targets: BoxTargets  # (Q, ...)
+
+
+class PairSample(NamedTuple):
+    """Two adjacent scans and the association displacement of the points of the first."""
+
+    previous: np.ndarray  # (N, 3) float32, frame t-1
+    current: np.ndarray  # (N, 3) float32, frame t
+    displacement: np.ndarray  # (N, 3) float32 metres, 0 on background
+    foreground: np.ndarray  # (N,) int32: 1 foreground, 0 background, -1 object gone in t (ignored)
+
+
+def no_augmentation() -> AugmentationConfig:
+    """Leaves samples as they are."""
+    return AugmentationConfig(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _displaced(frame: LabelledFrame, offsets: np.ndarray):
+    """Points and boxes of a frame whose objects have moved by offsets (M, 2)."""
+    boxes = frame.boxes.copy()
+    boxes[:, :2] += offsets
+    return displace_points(frame.points, frame.boxes, offsets), boxes
+
+
+def _choose(count: int, n: int, dropout: float, rng: np.random.Generator) -> np.ndarray:
+    """Rows of n points out of count, a random share of them (up to dropout) left out first."""
+    kept = np.arange(count)
+    if dropout > 0 and count > 1:
+        keep = max(1, round(count * (1.0 - rng.uniform(0.0, dropout))))
+        kept = rng.permutation(count)[:keep]
+    return kept[sample_points(kept, n, rng)]
+
+
+def _distance(config: AugmentationConfig, rng: np.random.Generator) -> float:
+    displaced = rng.random() < config.displaced_share
+    return rng.uniform(0.0, config.displacement) if displaced else 0.0
+
+
+def detector_sample(
+    frame: LabelledFrame,
+    config: DetectorTrainingConfig,
+    augmentation: AugmentationConfig,
+    rng: np.random.Generator,
+) -> DetectorSample:
+    """A labelled frame -> DetectorSample; all randomness comes from rng."""
+    distance = _distance(augmentation, rng)
+    points, boxes = frame.points, frame.boxes
+    if distance > 0:
+        points, boxes = _displaced(frame, random_offsets(len(boxes), distance, rng))
+    labels = foreground_labels(points, boxes, frame.ground)
+    rows = _choose(len(points), config.detector.num_points, augmentation.dropout, rng)
+    transform = SceneTransform.random(augmentation, rng)
+    labels, ignored = labels[rows], frame.ignored[rows]
+    points, boxes = transform.points(points[rows]), transform.boxes(boxes)
+    asked, weights = _query_rows(labels, ignored, config.query_points, rng)
+    labels = labels[asked]
+    foreground = labels >= 0
+    return DetectorSample(
+        points,
+        points[asked],
+        foreground.astype(np.int32),
+        weights,
+        _box_weights(labels, config.object_balance),
+        _targets(points[asked], boxes, frame.classes, labels, config.detector.box),
+    )
+
+
+def _query_rows(labels, ignored, count: int, rng) -> tuple[np.ndarray, np.ndarray]:
+    """Rows to ask at and their mask weights: the sampled background stands for all of it."""
+    known = (~ignored | (labels >= 0)).astype(np.float32)
+    if not 0 < count < len(labels):
+        return np.arange(len(labels)), known
+    foreground = rng.permutation(np.flatnonzero(labels >= 0))
+    background = rng.permutation(np.flatnonzero(labels < 0))
+    most = max(count // 2, count - len(background))
+    chosen = foreground[:most]
+    rest = background[: count - len(chosen)]
+    weights = [
+        np.full(len(chosen), len(foreground) / max(len(chosen), 1)),
+        np.full(len(rest), len(background) / max(len(rest), 1)),
+    ]
+    rows = np.concatenate([chosen, rest])
+    return rows, (np.concatenate(weights) * known[rows]).astype(np.float32)
+
+
+def _box_weights(labels: np.ndarray, balance: float) -> np.ndarray:
+    """1 / (points of the object)^balance, scaled to a mean of 1 over foreground points."""
+    foreground = labels >= 0
+    weights = np.zeros(len(labels), np.float32)
+    if foreground.any():
+        counts = np.bincount(labels[foreground])
+        weights[foreground] = counts[labels[foreground]] ** -float(balance)
+        weights[foreground] /= weights[foreground].mean()
+    return weights
+
+
+def _targets(points, boxes, classes, labels, config: BoxCodingConfig) -> BoxTargets:
+    foreground = np.flatnonzero(labels >= 0)
+    owner = labels[foreground]
+    encoded = encode_boxes(points[foreground], boxes[owner], classes[owner], config)
+
+    def scatter(values: np.ndarray) -> np.ndarray:
+        full = np.zeros((len(points), *values.shape[1:]), values.dtype)
+        full[foreground] = values
+        return full
+
+    return BoxTargets(*(scatter(values) for values in encoded))
+
+
+def pair_sample(
+    previous: LabelledFrame,
+    current: LabelledFrame,
+    num_points: int,
+    augmentation: AugmentationConfig,
+    rng: np.random.Generator,
+) -> PairSample:
+    """Two frames -> PairSample: both transformed alike, objects displaced afresh in each."""
+    distance = _distance(augmentation, rng)
+    transform = SceneTransform.random(augmentation, rng)
+    dropout = rng.uniform(0.0, augmentation.dropout)
+    scans, boxes, labels = [], [], []
+    for frame in (previous, current):
+        offsets = random_offsets(len(frame.boxes), distance, rng)
+        points, moved = _displaced(frame, offsets) if distance > 0 else (frame.points, frame.boxes)
+        rows = _choose(len(points), num_points, dropout, rng)
+        labels.append(foreground_labels(points, moved, frame.ground)[rows])
+        scans.append(transform.points(points[rows]))
+        boxes.append(transform.boxes(moved))
+    displacement, valid = association_displacement(
+        boxes[0], previous.track_ids, boxes[1], current.track_ids
+    )
+    owner = labels[0]
+    foreground = (owner >= 0).astype(np.int32)
+    gone = np.append(~valid, False)[owner] if len(valid) else np.zeros(len(owner), bool)
+    displacement = np.where(valid[:, None], displacement, 0.0).astype(np.float32)
+    foreground[gone & (owner >= 0)] = -1
+    target = point_displacement(owner, displacement).astype(np.float32)
+    return PairSample(scans[0], scans[1], target, foreground)
+
+
+def _rng(seed: int, epoch: int, index: int) -> np.random.Generator:
+    return np.random.default_rng([seed, epoch, index])
+
+
+def make_detector_sample(
+    reader: FrameReader,
+    item: tuple[int, int],
+    epoch: int,
+    index: int,
+    config: DetectorTrainingConfig,
+    augmentation: AugmentationConfig,
+):
+    """DetectorSample of frame `item`; the same for the same (seed, epoch, index)."""
+    rng = _rng(config.schedule.seed, epoch, index)
+    return detector_sample(reader.read(*item), config, augmentation, rng)
+
+
+def make_pair_sample(
+    reader: FrameReader,
+    item: tuple[int, int],
+    epoch: int,
+    index: int,
+    config: TrackerTrainingConfig,
+    num_points: int,
+    augmentation: AugmentationConfig,
+):
+    """PairSample of frames (t-1, t) with item = (sequence, t); the same for the same seed."""
+    rng = _rng(config.schedule.seed, epoch, index)
+    sequence, t = item
+    previous, current = reader.read(sequence, t - 1), reader.read(sequence, t)
+    return pair_sample(previous, current, num_points, augmentation, rng)
