@@ -1,0 +1,19 @@
+"""InputError says where, in one line."""
+
+from common.errors import InputError
+
+
+def test_message_names_file_and_line():
+    assert str(InputError("expected 17 columns", "a/b.txt", 3)) == "a/b.txt:3: expected 17 columns"
+    assert str(InputError("is empty", "a/b.txt")) == "a/b.txt: is empty"
+    assert str(InputError("seqs: found 'x'")) == "seqs: found 'x'"
+
+
+def test_message_is_one_line():
+    assert "\n" not in str(InputError("first\n   second", "f"))
+
+
+def test_is_a_value_error_and_keeps_the_place():
+    error = InputError("m", "p", 7)
+    assert isinstance(error, ValueError)
+    assert (error.path, error.line) == ("p", 7)

@@ -1,0 +1,57 @@
+"""Files are whole or not there."""
+
+import json
+import os
+import stat
+
+import pytest
+
+from common.files import atomic_path, write_bytes, write_json, write_text
+
+
+def test_writes_text_bytes_and_json(tmp_path):
+    write_text(tmp_path / "new" / "a.txt", "grün\n")
+    write_bytes(tmp_path / "b.bin", b"\x00\xff")
+    write_json(tmp_path / "c.json", {"a": [1, None]})
+    assert (tmp_path / "new" / "a.txt").read_text(encoding="utf-8") == "grün\n"
+    assert (tmp_path / "b.bin").read_bytes() == b"\x00\xff"
+    assert json.loads((tmp_path / "c.json").read_text()) == {"a": [1, None]}
+
+
+def test_failure_leaves_the_old_file_and_no_litter(tmp_path):
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    with pytest.raises(RuntimeError), atomic_path(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_json_refuses_nan_before_anything_is_written(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "a.json", {"MOTA": float("nan")})
+    assert os.listdir(tmp_path) == []
+
+
+def test_temporary_name_keeps_suffix_and_is_hidden(tmp_path):
+    with atomic_path(tmp_path / "curve.png") as temporary:
+        assert temporary.suffix == ".png"
+        assert temporary.name.startswith(".")
+        assert temporary.parent == tmp_path
+
+
+def test_mode_follows_the_umask(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "a.txt", "x")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a.txt").stat().st_mode) == 0o640
+
+
+def test_directory_in_the_way_is_an_os_error(tmp_path):
+    (tmp_path / "a.txt").mkdir()
+    with pytest.raises(OSError):
+        write_text(tmp_path / "a.txt", "x")
+    assert os.listdir(tmp_path) == ["a.txt"]

@@ -1,0 +1,89 @@
+"""Command lines: one line of error, exit code 2."""
+
+import argparse
+import errno
+
+import pytest
+
+from common import flags
+from common.errors import InputError
+
+
+def _raiser(error):
+    def main(argv):
+        raise error
+
+    return main
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (InputError("expected 17 columns", "f.txt", 3), "error: f.txt:3: expected 17 columns"),
+        (OSError(errno.ENOSPC, "No space left", "o.txt"), "error: o.txt: No space left"),
+        (OSError("odd"), "error: odd"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(capsys, error, line):
+    assert flags.run(_raiser(error)) == 2
+    assert capsys.readouterr().err == line + "\n"
+
+
+def test_interrupt_is_130(capsys):
+    assert flags.run(_raiser(KeyboardInterrupt())) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_other_errors_are_not_hidden():
+    with pytest.raises(ZeroDivisionError):
+        flags.run(_raiser(ZeroDivisionError()))
+
+
+def test_success_gives_mains_code():
+    assert flags.run(lambda argv: None) == 0
+    assert flags.run(lambda argv: 5) == 5
+
+
+@pytest.mark.parametrize("argv", [["--unknown", "1"], ["--numb", "3"], ["--number", "x"]])
+def test_unknown_abbreviated_or_wrong_flag(capsys, argv):
+    parser = flags.ArgumentParser(prog="tool")
+    parser.add_argument("--number", type=flags.positive_int, default=1)
+    with pytest.raises(SystemExit) as stop:
+        parser.parse_args(argv)
+    assert stop.value.code == 2
+    err = capsys.readouterr().err
+    assert err.startswith("tool: error: ")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "good", "value"),
+    [
+        (flags.positive_int, "12", 12),
+        (flags.non_negative_int, "0", 0),
+        (flags.finite_float, "-1.5e2", -150.0),
+        (flags.non_negative_float, "0", 0.0),
+    ],
+)
+def test_types_read_good_values(kind, good, value):
+    assert kind(good) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "bad"),
+    [
+        (flags.positive_int, "0"),
+        (flags.positive_int, "-3"),
+        (flags.positive_int, "1.5"),
+        (flags.positive_int, "+-2"),
+        (flags.non_negative_int, "-1"),
+        (flags.non_negative_int, ""),
+        (flags.finite_float, "nan"),
+        (flags.finite_float, "inf"),
+        (flags.finite_float, "two"),
+        (flags.non_negative_float, "-0.1"),
+    ],
+)
+def test_types_refuse_bad_values(kind, bad):
+    with pytest.raises((argparse.ArgumentTypeError, ValueError)):
+        kind(bad)

@@ -1,0 +1,36 @@
+"""Provenance: JSON-ready, with what a figure needs to be made again."""
+
+import json
+import subprocess
+
+from common import provenance
+
+
+def test_record_is_json_ready_and_complete(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["/somewhere/evaluate.py", "--out", "a b"])
+    record = provenance.provenance(seed=3, config={"iou": 0.5})
+    assert record["command"] == "evaluate.py --out 'a b'"
+    assert (record["seed"], record["config"]) == (3, {"iou": 0.5})
+    assert {"python", "numpy", "shapely"} <= set(record["versions"])
+    assert record["machine"]["cpu_count"] >= 1
+    json.dumps(record, allow_nan=False)
+
+
+def test_without_git_the_commit_is_none(monkeypatch):
+    def fail(*args, **kwargs):
+        raise FileNotFoundError("git")
+
+    monkeypatch.setattr(subprocess, "run", fail)
+    assert provenance.git_commit() is None
+
+
+def test_commit_marks_changes(monkeypatch):
+    answers = {"rev-parse": "abc123\n", "status": " M file\n"}
+
+    def run(command, **kwargs):
+        return subprocess.CompletedProcess(command, 0, stdout=answers[command[3]])
+
+    monkeypatch.setattr(subprocess, "run", run)
+    assert provenance.git_commit() == "abc123+changes"
+    answers["status"] = ""
+    assert provenance.git_commit() == "abc123"
