@@ -1,0 +1,1 @@
+"""Sequences -> boxes -> tracker -> result files -> figures: the parts of evaluate.py."""

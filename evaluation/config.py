@@ -1,0 +1,123 @@
+"""What one evaluation is asked to do, checked before anything is read or written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from common.errors import InputError
+from kitti.labels import CLASSES, VEHICLES
+from kitti.splits import TEST, VAL
+from metrics.protocols import BEST, PROTOCOLS
+
+GROUND_TRUTH = "gt"
+TRACKERS = ("gt_displacement", "sort", "deep_sort", "ab3dmot")
+
+
+@dataclass(frozen=True)
+class EvaluateConfig:
+    """One run of evaluate.py; the fields are its flags.
+
+    Attributes:
+        data_root: folder in KITTI's tracking layout.
+        subset: "training" or "testing" (no labels: only result files are written).
+        seqs: sequence numbers; None for the paper's validation split, or all of testing.
+        classes: what is tracked, and what `clear3d` is limited to on both sides.
+        detections: "gt", or a folder of detections in AB3DMOT's layout.
+        tracker: one of `TRACKERS`.
+        results: folder of result files to be evaluated; no tracker runs then.
+        displacement: every object is shifted by up to this many metres (section IV.D).
+        seed: of the displacement.
+        protocols: of `metrics.protocols.PROTOCOLS`; None for clear3d, in testing for none.
+        iou: least 3-D IoU of a match in clear3d and kitti3d.
+        score_threshold: least mean score of a track, "best" for that of the best MOTA, or None.
+        out: folder for the output; None writes nothing.
+    """
+
+    data_root: Path
+    subset: str = "training"
+    seqs: tuple[int, ...] | None = None
+    classes: tuple[str, ...] = VEHICLES
+    detections: str = GROUND_TRUTH
+    tracker: str = "gt_displacement"
+    results: Path | None = None
+    displacement: float = 0.0
+    seed: int = 0
+    protocols: tuple[str, ...] | None = None
+    iou: float = 0.5
+    score_threshold: float | str | None = None
+    out: Path | None = None
+
+    def __post_init__(self):
+        testing = self.subset == "testing"
+        if self.seqs is None:
+            object.__setattr__(self, "seqs", TEST if testing else VAL)
+        if self.protocols is None:
+            object.__setattr__(self, "protocols", () if testing else ("clear3d",))
+        _among("--subset", [self.subset], ("training", "testing"))
+        _among("--classes", self.classes, [name for name in CLASSES if name != "DontCare"])
+        _among("--protocol", self.protocols, PROTOCOLS)
+        if not 0 < self.iou <= 1:
+            raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
+        if not 0 <= self.displacement < math.inf:
+            raise InputError(f"--displacement: expected metres >= 0, found {self.displacement}")
+        if testing:
+            self._check_testing()
+        self._check_displacement()
+
+    def _check_testing(self):
+        if self.protocols:
+            raise InputError("--subset testing has no labels: --protocol cannot be evaluated")
+        if self.results is not None:
+            raise InputError("--subset testing has no labels: --results cannot be evaluated")
+        if self.detections == GROUND_TRUTH:
+            raise InputError("--subset testing has no labels: --detections needs a folder")
+        if self.tracker == "gt_displacement":
+            raise InputError("--subset testing has no labels: choose another --tracker")
+        if self.displacement:
+            raise InputError("--subset testing has no labels: objects cannot be displaced")
+
+    def _check_displacement(self):
+        in_image = [name for name in self.protocols if name != "clear3d"]
+        if self.displacement and in_image:
+            raise InputError(
+                f"--displacement moves objects away from their image: {','.join(in_image)} "
+                "cannot be evaluated, only clear3d"
+            )
+
+    def record(self) -> dict[str, Any]:
+        """The fields as JSON-ready values."""
+        fields = asdict(self)
+        paths = {
+            key: str(value) if isinstance(value, Path) else value for key, value in fields.items()
+        }
+        return {key: list(v) if isinstance(v, tuple) else v for key, v in paths.items()}
+
+
+def _among(flag: str, found: Sequence[str], known: Sequence[str]) -> None:
+    for name in found:
+        if name not in known:
+            raise InputError(f"{flag}: expected among {','.join(known)}, found {name!r}")
+    if len(set(found)) < len(found) or (not found and flag == "--classes"):
+        raise InputError(f"{flag}: expected each name once, found {','.join(found)!r}")
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """ "Car,Van" -> ("Car", "Van")."""
+    return tuple(part.strip() for part in text.split(","))
+
+
+def parse_threshold(text: str) -> float | str:
+    """A finite number or "best"."""
+    if text == BEST:
+        return BEST
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"--score_threshold: expected a number or {BEST!r}, found {text!r}")
+    return value

@@ -1,0 +1,140 @@
+"""One evaluation from a configuration to figures and files."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from common.errors import InputError
+from common.files import write_json, write_text
+from common.progress import Progress
+from common.provenance import provenance
+from evaluation.config import GROUND_TRUTH, EvaluateConfig
+from evaluation.scene import Scene
+from evaluation.sources import BoxSource, DetectionFiles, GroundTruthBoxes, check_folder
+from evaluation.table import full_table
+from evaluation.tracking_loop import track_scene
+from kitti.displacement import DisplacementModel
+from kitti.labels import Objects, read_results, write_results
+from kitti.sequence import open_sequences
+from metrics.comparison import track_scores
+from metrics.protocols import Entry, evaluate_protocol
+
+TRACKS = "tracks"
+_RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
+
+
+def evaluate(config: EvaluateConfig, model: DisplacementModel | None = None) -> dict[str, Any]:
+    """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
+
+    Args:
+        config: what to do.
+        model: the displacement, where it is not the default reading of the paper.
+
+    Raises:
+        InputError: bad input; nothing is under a final name in `out` then.
+    """
+    if config.out is not None:
+        check_writable(config.out)
+    if model is None and config.displacement:
+        model = DisplacementModel(distance=config.displacement, seed=config.seed)
+    sequences = open_sequences(config.data_root, config.seqs, config.subset)
+    scenes = [Scene(sequence, model) for sequence in sequences]
+    results = _results(config, scenes)
+    figures = score(config, scenes, results)
+    record = {"run": provenance(config=config.record(), data=_data(config, scenes)), **figures}
+    if config.out is not None:
+        write_text(config.out / "table.md", full_table(figures, record["run"]["command"]))
+        write_json(config.out / "metrics.json", record)
+    return record
+
+
+def score(
+    config: EvaluateConfig, scenes: list[Scene], results: Mapping[str, Objects]
+) -> dict[str, Any]:
+    """The figures of every protocol, by name."""
+    entries = [Entry(s.name, s.num_frames, s.objects, results[s.name]) for s in scenes]
+    return {
+        name: evaluate_protocol(
+            name,
+            entries,
+            classes=config.classes,
+            min_iou=config.iou,
+            threshold=config.score_threshold,
+        )
+        for name in config.protocols
+    }
+
+
+def make_source(config: EvaluateConfig, scenes: list[Scene]) -> BoxSource:
+    """The box source that `--detections` names."""
+    if config.detections == GROUND_TRUTH:
+        return GroundTruthBoxes(config.classes)
+    return DetectionFiles(config.detections, scenes, config.classes)
+
+
+def run_tracker(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Objects]:
+    """Result rows of every scene, by name."""
+    source = make_source(config, scenes)
+    with Progress(sum(scene.num_frames for scene in scenes), config.tracker, "frames") as bar:
+        return {
+            scene.name: track_scene(scene, source, config.tracker, config.classes, bar.update)
+            for scene in scenes
+        }
+
+
+def _results(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Objects]:
+    """What is evaluated: always the rows as a result file has them, rounding included."""
+    if config.results is not None:
+        check_folder(config.results)
+        return _read(config.results, scenes)
+    tracked = run_tracker(config, scenes)
+    if isinstance(config.score_threshold, float):
+        tracked = {
+            name: rows[track_scores(rows) >= config.score_threshold]
+            for name, rows in tracked.items()
+        }
+    if config.out is not None:
+        return _write(config.out / TRACKS, scenes, tracked)
+    with tempfile.TemporaryDirectory() as folder:
+        return _write(Path(folder), scenes, tracked)
+
+
+def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) -> dict[str, Objects]:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, rows in tracked.items():
+        write_results(folder / f"{name}.txt", rows)
+    for path in folder.iterdir():  # an earlier run's other sequences do not belong to this one
+        if _RESULT_NAME.fullmatch(path.name) and path.stem not in tracked:
+            path.unlink()
+    return _read(folder, scenes)
+
+
+def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
+    return {s.name: read_results(folder / f"{s.name}.txt", s.num_frames) for s in scenes}
+
+
+def check_writable(folder: Path) -> None:
+    """Creates `folder`; raises InputError if files cannot be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        reason = error.strerror or os.strerror(error.errno or 0)
+        raise InputError(f"--out: cannot be written: {reason}", folder) from error
+
+
+def _data(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Any]:
+    """What was evaluated, for the record."""
+    labels = [scene.objects.of_classes(config.classes) for scene in scenes]
+    return {
+        "sequences": [scene.name for scene in scenes],
+        "frames": sum(scene.num_frames for scene in scenes),
+        "labelled_boxes": sum(map(len, labels)),
+        "poses": all(scene.sequence.poses is not None for scene in scenes),
+    }

@@ -1,0 +1,67 @@
+"""A sequence as it is evaluated: its labels, detections and points, displaced if asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from kitti.displacement import (
+    DisplacementModel,
+    displace_detections,
+    displace_objects,
+    displace_points,
+)
+from kitti.labels import Objects
+from kitti.sequence import Sequence
+
+
+class Scene:
+    """One sequence, under a displacement (section IV.D of the paper) or as it is.
+
+    Args:
+        sequence: the recorded sequence.
+        model: how objects are displaced; None for not at all.
+    """
+
+    def __init__(self, sequence: Sequence, model: DisplacementModel | None = None):
+        self.sequence, self.model = sequence, model
+        self.name, self.num_frames = sequence.name, sequence.num_frames
+
+    @cached_property
+    def _offsets(self) -> np.ndarray:
+        """(R, 2) metres along x and y of the level frame, one per label row."""
+        return self.model.offsets(self.sequence.objects, self.sequence.seq)
+
+    @cached_property
+    def objects(self) -> Objects:
+        """The labels of all classes where they are in this scene."""
+        if self.model is None:
+            return self.sequence.objects
+        return displace_objects(self.sequence.objects, self._offsets)
+
+    def displaced(self, detections: Objects) -> Objects:
+        """Detections of the recorded sequence, moved along with the objects they lie on."""
+        if self.model is None:
+            return detections
+        return displace_detections(detections, self.sequence.objects, self._offsets)
+
+    def points(self, t: int) -> np.ndarray | None:
+        """(n, 4) float32 scan of frame t in the level frame, camera crop; None without a scan."""
+        if not self.sequence.has_scan(t):
+            return None
+        points = self.sequence.read_points_level(t)
+        if self.model is None:
+            return points
+        rows = self.sequence.objects.frame == t
+        boxes = self.sequence.objects.boxes[rows]
+        return displace_points(points, boxes, self._offsets[rows])
+
+    @cached_property
+    def ego_motions(self) -> np.ndarray | None:
+        """(F, 4, 4) level frame of t-1 -> level frame of t (identity at t = 0); None unknown."""
+        poses = self.sequence.poses
+        if poses is None:
+            return None
+        previous = np.concatenate([poses[:1], poses[:-1]])
+        return np.linalg.solve(poses, previous)
