@@ -1,0 +1,23 @@
+"""Point cloud ops for TensorFlow: sampling, grouping, interpolation, boxes. Built by `make ops`.
+
+Letters: B batch, N points, M queries or sampled points, K neighbours, C channels. Indices are
+int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz.
+"""
+
+from tf_ops.grouping import group_point, knn_point, query_ball_point, select_top_k
+from tf_ops.interpolation import three_interpolate, three_nn
+from tf_ops.library import LibraryError, load_library
+from tf_ops.sampling import farthest_point_sample, gather_point
+
+__all__ = [
+    "LibraryError",
+    "farthest_point_sample",
+    "gather_point",
+    "group_point",
+    "knn_point",
+    "load_library",
+    "query_ball_point",
+    "select_top_k",
+    "three_interpolate",
+    "three_nn",
+]

@@ -1,0 +1,123 @@
+#include "core/op_util.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tensorflow/core/util/work_sharder.h"
+
+namespace ptn {
+
+
+
+Parallel threads_of(tf::OpKernelContext* context) {
+  const auto* workers = context->device()->tensorflow_cpu_worker_threads();
+  return {[workers](int64_t total, int64_t cost, const Body& body) {
+            if (total <= 0) return;
+            tf::Shard(workers->num_threads, workers->workers, total, cost, body);
+          },
+          workers->num_threads};
+}
+
+namespace {
+
+// Multi-index of a flat position, as "[0, 12, 2]".
+std::string position(const tf::TensorShape& shape, int64_t flat) {
+  std::string text;
+  for (int d = shape.dims() - 1; d >= 0; --d) {
+    text = std::to_string(flat % shape.dim_size(d)) + (text.empty() ? "" : ", ") + text;
+    flat /= shape.dim_size(d);
+  }
+  return "[" + text + "]";
+}
+
+}  // namespace
+
+absl::Status check_finite(const tf::Tensor& tensor, const char* name) {
+  const float* values = tensor.flat<float>().data();
+  const int64_t size = tensor.NumElements();
+  // 0 * x is NaN for NaN and infinity alone; a sum over a stretch finds it without branches.
+  constexpr int64_t kStretch = 1024;
+  for (int64_t begin = 0; begin < size; begin += kStretch) {
+    const int64_t end = std::min(begin + kStretch, size);
+    float sum[16] = {};
+    int64_t i = begin;
+    for (; i + 16 <= end; i += 16) {
+      for (int lane = 0; lane < 16; ++lane) sum[lane] += 0.0F * values[i + lane];
+    }
+    for (; i < end; ++i) sum[0] += 0.0F * values[i];
+    if (std::all_of(sum, sum + 16, [](float s) { return s == 0.0F; })) continue;
+    for (i = begin; std::isfinite(values[i]);) ++i;
+    return invalid(name, position(tensor.shape(), i), " is ", values[i],
+                                   "; values must be finite");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_points(const tf::Tensor& tensor, const char* name) {
+  if (tensor.dims() != 3 || tensor.dim_size(2) != 3) {
+    return invalid(name, " must have shape (B, N, 3), received ",
+                                   tensor.shape().DebugString());
+  }
+  if (tensor.dim_size(1) > std::numeric_limits<int32_t>::max() / 2) {
+    return invalid(name, " has too many points for int32 indices: ",
+                                   tensor.dim_size(1));
+  }
+  return check_finite(tensor, name);
+}
+
+absl::Status check_points(const tf::Tensor& tensor, const char* name, int64_t batch) {
+  TF_RETURN_IF_ERROR(check_points(tensor, name));
+  if (tensor.dim_size(0) != batch) {
+    return invalid(name, " must have the batch size ", batch, ", received ",
+                                   tensor.shape().DebugString());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_indices(const tf::Tensor& index, const char* name, int64_t limit) {
+  const auto flat = index.flat<int32_t>();
+  const int32_t* values = flat.data();
+  const int64_t size = flat.size();
+  const uint32_t bound = static_cast<uint32_t>(
+      std::min<int64_t>(limit, int64_t{std::numeric_limits<int32_t>::max()} + 1));
+  bool good = true;
+  for (int64_t i = 0; i < size; ++i) good &= static_cast<uint32_t>(values[i]) < bound;
+  if (good) return absl::OkStatus();
+  int64_t i = 0;
+  while (static_cast<uint32_t>(values[i]) < bound) ++i;
+  return invalid(name, position(index.shape(), i), " = ", values[i],
+                                 " is not in [0, ", limit, ")");
+}
+
+absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t wanted) {
+  if (wanted > 0 && points.dim_size(1) == 0) {
+    return invalid(name, " has no points to choose from, received ",
+                                   points.shape().DebugString());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const char* attribute,
+                            bool counts) {
+  tf::shape_inference::ShapeHandle points, queries;
+  TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
+  TF_RETURN_IF_ERROR(c->WithRank(c->input(1), 3, &queries));
+  tf::shape_inference::DimensionHandle three, batch;
+  TF_RETURN_IF_ERROR(c->WithValue(c->Dim(points, 2), 3, &three));
+  TF_RETURN_IF_ERROR(c->WithValue(c->Dim(queries, 2), 3, &three));
+  TF_RETURN_IF_ERROR(c->Merge(c->Dim(points, 0), c->Dim(queries, 0), &batch));
+  int64_t neighbours;
+  TF_RETURN_IF_ERROR(c->GetAttr(attribute, &neighbours));
+  const auto found = c->MakeShape({batch, c->Dim(queries, 1), c->MakeDim(neighbours)});
+  c->set_output(0, found);
+  c->set_output(1, counts ? c->MakeShape({batch, c->Dim(queries, 1)}) : found);
+  return absl::OkStatus();
+}
+
+void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value) {
+  OP_REQUIRES_OK(context, context->GetAttr(name, value));
+  OP_REQUIRES(context, *value >= 1,
+              invalid(name, " must be at least 1, received ", *value));
+}
+
+}  // namespace ptn

@@ -1,0 +1,108 @@
+"""Neighbourhoods: who is near whom, and fetching the neighbours' features."""
+
+from __future__ import annotations
+
+import tensorflow as tf
+
+from tf_ops.devices import has_gpu, on_cpu
+from tf_ops.library import load_library
+
+for _name in ("QueryBallPoint", "KnnPoint", "SelectTopK"):
+    tf.no_gradient(f"PointTrackNet>{_name}")
+
+
+@on_cpu
+def query_ball_point(
+    radius: float, nsample: int, xyz1: tf.Tensor, xyz2: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """The first `nsample` points, in index order, closer than `radius` to each query.
+
+    Args:
+        radius: metres, > 0; squared distances are compared with radius * radius in float32.
+        nsample: places for neighbours, >= 1.
+        xyz1: (B, N, 3) float32 points, metres, finite.
+        xyz2: (B, M, 3) float32 queries, metres, finite.
+
+    Returns:
+        idx: (B, M, nsample) int32 into xyz1; unused places hold the first one found. Of an empty
+            ball all places hold the nearest point.
+        count: (B, M) int32, how many were found, at most nsample; 0 for an empty ball.
+        Not differentiable.
+
+    Raises:
+        InvalidArgumentError: NaN or infinity, N = 0 with M > 0, or a wrong shape.
+    """
+    return load_library().point_track_net_query_ball_point(
+        xyz1=xyz1, xyz2=xyz2, radius=radius, nsample=nsample
+    )
+
+
+@on_cpu
+def knn_point(k: int, xyz1: tf.Tensor, xyz2: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """The k nearest points of each query, nearest first, ties to the lower index.
+
+    Args:
+        k: how many, >= 1. With k > N the rest repeats the nearest.
+        xyz1: (B, N, 3) float32 points, metres, finite.
+        xyz2: (B, M, 3) float32 queries, metres, finite.
+
+    Returns:
+        dist2: (B, M, k) float32 squared distances, ascending.
+        idx: (B, M, k) int32 into xyz1.
+        Not differentiable.
+
+    Raises:
+        InvalidArgumentError: NaN or infinity, N = 0 with M > 0, or a wrong shape.
+    """
+    return load_library().point_track_net_knn_point(xyz1=xyz1, xyz2=xyz2, k=k)
+
+
+@on_cpu
+def select_top_k(k: int, dist: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """The k smallest of each row, smallest first, ties to the lower index.
+
+    Args:
+        k: how many, >= 1. With k > N the rest repeats the smallest.
+        dist: (..., N) float32 without NaN; infinities are allowed.
+
+    Returns:
+        idx: (..., k) int32 places in the row.
+        dist: (..., k) float32 values there.
+        Not differentiable.
+
+    Raises:
+        InvalidArgumentError: NaN in dist, or N = 0.
+    """
+    return load_library().point_track_net_select_top_k(dist=dist, k=k)
+
+
+def group_point(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
+    """Rows of `points` by index; differentiable for points.
+
+    Args:
+        points: (B, N, C) float32, float16 or bfloat16.
+        idx: (B, M, K) int32, each in [0, N).
+
+    Returns:
+        (B, M, K, C), of the type of points.
+
+    Raises:
+        InvalidArgumentError: an index out of range, or a wrong shape. (On a GPU rows of an index
+            out of range are 0: that is tf.gather's rule.)
+    """
+    if has_gpu():
+        return tf.gather(points, idx, batch_dims=1)
+    return load_library().point_track_net_group_point(points=points, index=idx)
+
+
+@tf.RegisterGradient("PointTrackNet>GroupPoint")
+def _group_point_grad(op, grad):
+    points, index = op.inputs
+    size = tf.shape(points)[1]
+    library = load_library()
+    return library.point_track_net_group_point_grad(grad=grad, index=index, size=size), None
+
+
+@tf.RegisterGradient("PointTrackNet>GroupPointGrad")
+def _group_point_grad_grad(op, grad):
+    return group_point(grad, op.inputs[1]), None, None

@@ -1,0 +1,74 @@
+"""Batch normalisation fused with ReLU, and with the maximum over neighbours (training only)."""
+
+from __future__ import annotations
+
+import tensorflow as tf
+
+from tf_ops.library import load_library
+
+
+def batch_norm_relu(
+    x: tf.Tensor, gamma: tf.Tensor, beta: tf.Tensor, epsilon: float
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """relu(gamma * (x - mean) / sqrt(variance + epsilon) + beta), the moments being those of x.
+
+    Args:
+        x: (R, C) float32.
+        gamma: (C,) float32.
+        beta: (C,) float32.
+        epsilon: added to the variance.
+
+    Returns:
+        y (R, C), differentiable for x, gamma and beta; mean (C,) and biased variance (C,) of the
+        rows of x, not differentiable, 0 if R = 0.
+
+    Raises:
+        InvalidArgumentError: a wrong shape.
+    """
+    return load_library().point_track_net_batch_norm_relu(
+        x=x, gamma=gamma, beta=beta, epsilon=epsilon
+    )
+
+
+def batch_norm_relu_max(
+    x: tf.Tensor, gamma: tf.Tensor, beta: tf.Tensor, epsilon: float
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """The maximum over axis 1 of batch_norm_relu over the rows of x, without making them.
+
+    Normalisation and ReLU are monotonic in x, so the largest x of each group (the smallest where
+    gamma < 0) is found first, in the pass that makes the moments, and normalised alone.
+
+    Args:
+        x: (G, K, C) float32, K >= 1.
+        gamma: (C,) float32.
+        beta: (C,) float32.
+        epsilon: added to the variance.
+
+    Returns:
+        y (G, C), differentiable for x, gamma and beta; mean (C,) and biased variance (C,) of the
+        G * K rows of x, not differentiable, 0 if G = 0.
+
+    Raises:
+        InvalidArgumentError: a wrong shape.
+    """
+    return load_library().point_track_net_batch_norm_relu_max(
+        x=x, gamma=gamma, beta=beta, epsilon=epsilon
+    )[:3]
+
+
+@tf.RegisterGradient("PointTrackNet>BatchNormRelu")
+def _batch_norm_relu_grad(op, grad, *_):
+    x, gamma, beta = op.inputs
+    return load_library().point_track_net_batch_norm_relu_grad(
+        grad=grad, x=x, gamma=gamma, beta=beta, mean=op.outputs[1], variance=op.outputs[2],
+        epsilon=op.get_attr("epsilon"),
+    )
+
+
+@tf.RegisterGradient("PointTrackNet>BatchNormReluMax")
+def _batch_norm_relu_max_grad(op, grad, *_):
+    x, gamma, beta = op.inputs
+    return load_library().point_track_net_batch_norm_relu_max_grad(
+        grad=grad, x=x, gamma=gamma, beta=beta, mean=op.outputs[1], variance=op.outputs[2],
+        place=op.outputs[3], epsilon=op.get_attr("epsilon"),
+    )
