@@ -1,0 +1,85 @@
+"""Command line: `python -m simulator --out DIR ...`; see --help and this folder's README."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from common.errors import InputError
+from common.flags import ArgumentParser, non_negative_int, positive_int, run
+from kitti.seqmap import write_seqmap
+from kitti.sequence import open_sequences
+from kitti.splits import parse_sequences
+from simulator.dataset import Plan, make_dataset
+from simulator.frames import Options
+
+OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # numbering as KITTI's split here
+
+
+def parser() -> ArgumentParser:
+    """The flags."""
+    result = ArgumentParser(prog="python -m simulator", description=__doc__)
+    result.add_argument("--out", type=Path, required=True, help="folder to write; reused if done")
+    result.add_argument("--split", choices=["train", "val"], help="own traffic: which split")
+    result.add_argument("--sequences", type=positive_int, help="own traffic: how many sequences")
+    result.add_argument("--frames", type=positive_int, help="frames a sequence (labels: at most)")
+    result.add_argument("--from_labels", type=Path, help="real KITTI folder whose labels to replay")
+    result.add_argument("--seqs", help="sequences to replay, e.g. 0016-0020 or 0000,0003")
+    result.add_argument("--seed", type=non_negative_int, default=0, help="seed of everything")
+    result.add_argument("--full", action="store_true", help="360 degrees, not the camera's view")
+    result.add_argument(
+        "--motion_distortion", action="store_true", help="leave motion during a sweep in the scans"
+    )
+    result.add_argument("--processes", type=positive_int, help="processes; all cores if not given")
+    return result
+
+
+def make_plan(flags) -> Plan:
+    """The plan that the flags ask for; raises InputError where they do not fit together."""
+    options = Options(flags.full, flags.motion_distortion)
+    if flags.from_labels is not None:
+        return _label_plan(flags, options)
+    return _own_plan(flags, options)
+
+
+def _label_plan(flags, options: Options) -> Plan:
+    if flags.split is not None or flags.sequences is not None:
+        raise InputError("--split and --sequences are for own traffic; --from_labels takes --seqs")
+    if flags.seqs is None:
+        raise InputError("--from_labels needs --seqs, for example 0016-0020")
+    sequences = open_sequences(flags.from_labels, parse_sequences(flags.seqs))
+    frames = {sequence.seq: sequence.num_frames for sequence in sequences}
+    if flags.frames is not None:
+        frames = {seq: min(count, flags.frames) for seq, count in frames.items()}
+    spec = {"from_labels": str(flags.from_labels)}
+    return Plan("labels", spec, flags.seed, frames, options)
+
+
+def _own_plan(flags, options: Options) -> Plan:
+    if flags.seqs is not None:
+        raise InputError("--seqs is for --from_labels; own traffic takes --split and --sequences")
+    split = flags.split or "train"
+    numbers = OWN_SEQUENCES[split]
+    count = flags.sequences or len(numbers)
+    first = numbers[0] if split == "train" else 16
+    last = len(numbers) if split == "train" else 10**4 - 16
+    if count > last:
+        raise InputError(f"--sequences: split {split} has room for {last}, found {count}")
+    frames = {first + index: flags.frames or 200 for index in range(count)}
+    return Plan("traffic", {"split": split}, flags.seed, frames, options)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Makes the data set; says where it is."""
+    flags = parser().parse_args(argv)
+    plan = make_plan(flags)
+    made = make_dataset(plan, flags.out, flags.processes)
+    write_seqmap(flags.out, "training", plan.frames)
+    total = sum(plan.frames.values())
+    word = "simulated" if made else "already there, complete:"
+    print(f"{word} {len(plan.frames)} sequences, {total} frames in {flags.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))

@@ -1,0 +1,99 @@
+"""Figures of the simulator, each with its source, in frozen dataclasses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+IMAGE_SIZE = (1242, 375)  # left colour camera of KITTI's tracking benchmark, pixels
+
+
+@dataclass(frozen=True)
+class SensorConfig:
+    """HDL-64E S2 on KITTI's car. Angles in degrees, lengths in metres.
+
+    Nominal elevations are +2 to -8.33 in steps of 1/3 (upper block of 32) and -8.83 to -24.33 in
+    steps of 1/2 (lower block), Velodyne HDL-64E S2 manual. The figures here are a robust line fit
+    z = height + rho * tan(elevation) to each ring of 26 real scans of sequence 0000; the two
+    blocks of lasers sit at different heights in the housing.
+    """
+
+    upper_beams: int = 32
+    upper_top_deg: float = 1.94
+    upper_step_deg: float = 0.335
+    upper_height: float = 0.20
+    lower_beams: int = 32
+    lower_top_deg: float = -8.55
+    lower_step_deg: float = 0.505
+    lower_height: float = 0.08
+    azimuth_step_deg: float = 0.1798  # median step along rings of the real scans; 10 Hz
+    period_s: float = 0.1
+    mount_height: float = 1.73  # above the ground, Geiger et al., IJRR 2013
+    camera_height: float = 1.65  # above the ground, same source
+    view_half_angle_deg: float = 42.5  # camera 2 sees +-41 degrees
+    view_beams: int = 48  # the camera sees no lower ones (47 rings in real scans)
+    max_range: float = 79.0  # farthest points of the real scans; S2 manual: 120 m at high albedo
+    min_range: float = 0.9
+    range_noise: float = 0.018  # < 2 cm, S2 manual
+    quantum: float = 0.001  # KITTI writes millimetres
+
+
+@dataclass(frozen=True)
+class ReturnConfig:
+    """When a ray comes back: p = base * sigmoid(slope * (log(rho * cos^power / r^2) - threshold)).
+
+    The lidar equation for a diffuse surface; `power` below 1 stands for rough surfaces.
+    Fitted by hand to points per frame and per vehicle of sequence 0000 (see the fidelity table).
+    """
+
+    base: float = 0.975
+    slope: float = 2.0
+    threshold: float = -11.1
+    cosine_power: float = 0.5
+    beam_spread: float = 0.03  # beams differ in how much they drop
+    glass_surface: float = 0.12  # share of rays that return from a window pane
+    glass_absorbed: float = 0.55  # share that is lost; the rest goes through
+    interior_return: float = 0.7
+
+
+@dataclass(frozen=True)
+class SizeFit:
+    """Mean and standard deviation of (l, w, h) in metres over tracks, and correlations."""
+
+    mean: tuple[float, float, float]
+    std: tuple[float, float, float]
+    correlation_lw: float
+    correlation_lh: float
+    correlation_wh: float
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SizeConfig:
+    """Moments over the tracks (one size a track) of KITTI's tracking labels 0000-0015."""
+
+    car: SizeFit = SizeFit(
+        (3.916, 1.623, 1.517), (0.430, 0.113, 0.124), 0.35, 0.15, 0.32,
+        (2.9, 1.40, 1.25), (5.2, 1.95, 1.95),
+    )  # fmt: skip
+    van: SizeFit = SizeFit(
+        (4.969, 1.913, 2.197), (0.758, 0.196, 0.415), 0.66, 0.74, 0.65,
+        (3.8, 1.64, 1.65), (6.9, 2.52, 3.5),
+    )  # fmt: skip
+    truck: SizeFit = SizeFit(
+        (8.954, 2.529, 3.239), (2.225, 0.258, 0.474), 0.44, 0.25, 0.75,
+        (5.4, 2.06, 2.3), (11.9, 3.0, 4.2),
+    )  # fmt: skip
+    pedestrian: SizeFit = SizeFit(
+        (0.720, 0.594, 1.709), (0.255, 0.131, 0.147), 0.16, 0.31, 0.37,
+        (0.35, 0.35, 1.17), (1.35, 0.94, 1.96),
+    )  # fmt: skip
+    cyclist: SizeFit = SizeFit(
+        (1.758, 0.571, 1.724), (0.152, 0.133, 0.105), 0.41, 0.43, -0.11,
+        (1.35, 0.38, 1.45), (2.0, 0.88, 1.9),
+    )  # fmt: skip
+
+
+SENSOR = SensorConfig()
+RETURNS = ReturnConfig()
+SIZES = SizeConfig()

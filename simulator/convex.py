@@ -1,0 +1,149 @@
+"""Rays against bodies made of convex parts (intersections of half-spaces).
+
+Letters: R rays, P parts, K planes a part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FAR = np.float32(1e9)
+FEW = 1500  # rays times parts below which culling costs more than it saves
+
+
+@dataclass(frozen=True)
+class Body:
+    """A union of convex parts in the box's own frame: x forward, y left, z up, origin at centre.
+
+    planes (P, K, 4) f32: a point p is inside a part if n . p <= d for its K planes (n unit or 0);
+    reflectivity (P,) f32; interior (P,) bool: seen through glass only; porosity (P,) f32: share
+    of rays that pass (spokes, frames); glass (P, K) bool faces with window panes;
+    pane (4,) f32: x from, x to, z from, z to within which a glass face is glass (else paint);
+    pillars (n,) f32: x of the pillars that divide the side windows;
+    spheres (P, 4) f32: centre and radius of a ball around each part.
+    """
+
+    planes: np.ndarray
+    reflectivity: np.ndarray
+    interior: np.ndarray
+    porosity: np.ndarray
+    glass: np.ndarray
+    pane: np.ndarray
+    pillars: np.ndarray
+    spheres: np.ndarray
+
+
+def intersect(planes, origin, direction):
+    """First hit of each ray with each convex part.
+
+    planes (P, K, 4), origin (R, 3), direction (R, 3) unit. Returns distance (R, P) f32 (FAR where
+    missed) and face (R, P) int: the plane through which the ray enters. Rays that start inside
+    miss.
+    """
+    parts, count = planes.shape[:2]
+    normals = planes[..., :3].reshape(-1, 3)
+    speed = direction @ normals.T
+    gap = planes[..., 3].reshape(-1) - origin @ normals.T
+    tiny = np.abs(speed) < 1e-7
+    step = gap / np.where(tiny, np.float32(1e-7), speed)
+    enter = np.where(speed < 0, step, -FAR)
+    leave = np.where(speed > 0, step, FAR)
+    enter = np.where(tiny, np.where(gap < 0, FAR, -FAR), enter).reshape(-1, parts, count)
+    leave = np.where(tiny, FAR, leave).reshape(-1, parts, count)
+    face = enter.argmax(axis=-1)
+    near = np.take_along_axis(enter, face[..., None], axis=-1)[..., 0]
+    hit = (near > 0) & (near < leave.min(axis=-1))
+    return np.where(hit, near, FAR).astype(np.float32), face
+
+
+def intersect_body(body: Body, origin, direction):
+    """As `intersect` over all parts of `body`, but only with rays that come near each part."""
+    rays, parts = len(origin), len(body.planes)
+    if rays * parts < FEW:
+        return intersect(body.planes, origin, direction)
+    distance = np.full((rays, parts), FAR, np.float32)
+    face = np.zeros((rays, parts), np.int64)
+    for index, (*center, radius) in enumerate(body.spheres):
+        away = origin - np.array(center, np.float32)
+        along = (away * direction).sum(axis=1)
+        near = np.flatnonzero((away * away).sum(axis=1) - along * along < radius * radius)
+        if len(near):
+            found = intersect(body.planes[index : index + 1], origin[near], direction[near])
+            distance[near, index], face[near, index] = found[0][:, 0], found[1][:, 0]
+    return distance, face
+
+
+def to_box_frame(box, origin, direction):
+    """Rays (R, 3) in the frame of `box` (7,), (x, y, z, l, w, h, yaw)."""
+    cos, sin = np.float32(np.cos(box[6])), np.float32(np.sin(box[6]))
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], np.float32)
+    return (origin - np.asarray(box[:3], np.float32)) @ turn, direction @ turn
+
+
+@dataclass(frozen=True)
+class BodyHits:
+    """What rays (R,) meet on a body.
+
+    outline (R,) f32: distance at which the ray meets the body at all (FAR where it misses);
+    distance (R,) f32: distance of the return, FAR where the ray goes through;
+    reflectivity (R,) f32, 0 where the ray is swallowed; cosine (R,) f32 of the incidence.
+    """
+
+    outline: np.ndarray
+    distance: np.ndarray
+    reflectivity: np.ndarray
+    cosine: np.ndarray
+
+
+def cast_body(body: Body, origin, direction, rng, returns) -> BodyHits:
+    """Rays (R, 3) in the body's frame against its parts, window panes included.
+
+    `returns` is a `ReturnConfig`. A ray that meets a pane returns from it, is lost, or goes on to
+    the seats, and out of the other side where it misses them.
+    """
+    distance, face = intersect_body(body, origin, direction)
+    distance = np.where(_holes(body, len(origin), rng), FAR, distance)
+    shell = np.where(body.interior[None], FAR, distance)
+    part = shell.argmin(axis=1)
+    rows = np.arange(len(part))
+    outline = shell[rows, part]
+    entry = face[rows, part]
+    reflectivity = body.reflectivity[part].copy()
+    met = outline < FAR
+    result = outline.copy()
+    cosine = np.abs(np.einsum("ij,ij->i", body.planes[part, entry, :3], direction))
+    glass = met & body.glass[part, entry]
+    if glass.any():
+        index = np.flatnonzero(glass)
+        points = origin[index] + direction[index] * outline[index, None]
+        index = index[_on_pane(body, points)]
+        draw = rng.random(len(index))
+        inner = np.where(body.interior[None], distance[index], FAR)
+        seat = inner.argmin(axis=1)
+        depth = inner[np.arange(len(index)), seat]
+        seen = (depth < FAR) & (draw > returns.glass_surface + returns.glass_absorbed)
+        gone = (depth >= FAR) & (draw > returns.glass_surface + returns.glass_absorbed)
+        lost = (draw > returns.glass_surface) & ~seen & ~gone
+        kept = rng.random(len(index)) < returns.interior_return
+        reflectivity[index] = np.where(lost | (seen & ~kept), 0, reflectivity[index])
+        result[index[seen]] = depth[seen]
+        result[index[gone]] = FAR
+        reflectivity[index[seen & kept]] = body.reflectivity[seat[seen & kept]]
+    return BodyHits(outline, result, reflectivity, cosine)
+
+
+def _holes(body: Body, rays: int, rng) -> np.ndarray:
+    if not body.porosity.any():
+        return np.zeros((1, len(body.porosity)), bool)
+    return rng.random((rays, len(body.porosity))) < body.porosity
+
+
+def _on_pane(body: Body, points) -> np.ndarray:
+    x_low, x_high, z_low, z_high = body.pane
+    x, z = points[:, 0], points[:, 2]
+    inside = (x > x_low) & (x < x_high) & (z > z_low) & (z < z_high)
+    for pillar in body.pillars:
+        inside &= np.abs(x - pillar) > 0.06
+    return inside

@@ -1,0 +1,47 @@
+"""oxts/00XX.txt: the car's own motion, 30 columns a frame as KITTI's GPS/IMU writes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from common.files import write_text
+
+EARTH_RADIUS = 6378137.0  # metres, as KITTI's raw data devkit has it
+START = (49.0, 8.4)  # degrees: latitude and longitude, near Karlsruhe
+GRAVITY = 9.81
+
+
+def oxts_lines(poses, period_s: float) -> list[str]:
+    """Lines for poses (F, 4, 4) of the level frame in a world whose x points east.
+
+    Columns of the devkit: lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz
+    wf wl wu pos_accuracy vel_accuracy navstat numsats posmode velmode orimode.
+    """
+    poses = np.asarray(poses, np.float64)
+    place, turn = poses[:, :3, 3], poses[:, :3, :3]
+    roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
+    pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1, 1))
+    yaw = np.unwrap(np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
+    velocity, rates = _rate(place, period_s), _rate(np.stack([roll, pitch, yaw], 1), period_s)
+    acceleration = _rate(velocity, period_s) + [0.0, 0.0, GRAVITY]
+    own = np.einsum("fij,fi->fj", turn, velocity)
+    own_acceleration = np.einsum("fij,fi->fj", turn, acceleration)
+    scale = np.cos(np.radians(START[0]))
+    latitude = START[0] + np.degrees(place[:, 1] / EARTH_RADIUS)
+    longitude = START[1] + np.degrees(place[:, 0] / (EARTH_RADIUS * scale))
+    columns = np.column_stack(
+        [latitude, longitude, place[:, 2], roll, pitch, (yaw + np.pi) % (2 * np.pi) - np.pi,
+         velocity[:, 1], velocity[:, 0], own, own_acceleration, own_acceleration, rates, rates]
+    )  # fmt: skip
+    return [" ".join(f"{value:.12g}" for value in row) + " 0.05 0.02 4 9 4 4 0" for row in columns]
+
+
+def _rate(values, period_s: float) -> np.ndarray:
+    return np.gradient(values, period_s, axis=0) if len(values) > 1 else np.zeros_like(values)
+
+
+def write_oxts(path: str | Path, poses, period_s: float) -> None:
+    """Writes the file of one sequence; see `oxts_lines`."""
+    write_text(path, "\n".join(oxts_lines(poses, period_s)) + "\n")

@@ -1,0 +1,172 @@
+"""Label-driven scenes: real KITTI labels move the objects, a static world is fitted around them.
+
+Nothing static is placed where a labelled object or the car itself ever is, nor between the
+scanner and an object that the labels call visible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kitti.boxes import transform_boxes
+from kitti.objects import Objects
+from kitti.sequence import Sequence
+from simulator.bodies import make_body
+from simulator.config import SENSOR
+from simulator.convex import Body
+from simulator.grid import Grid, rectangle_points
+from simulator.roadside import SETTINGS, Setting, Site, furnish
+from simulator.scan import Scene
+from simulator.static import StaticWorld
+from simulator.terrain import Terrain
+
+MARGIN = 100.0  # metres of world around the car's path
+PLAUSIBLE_SPEED = 8.0  # m/s where nothing tells the car's motion
+FRAME_STEP = 2  # every second frame's lines of sight are kept free
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A labelled sequence as a world: poses (F, 4, 4), objects with boxes, bodies by track."""
+
+    poses: np.ndarray
+    objects: Objects
+    bodies: dict[int, Body]
+    static: StaticWorld
+    terrain: Terrain
+
+    def scene(self, frame: int, motion: bool = False) -> Scene:
+        """The scene of `frame`; with `motion`, objects move during the sweep."""
+        now = self.objects.at(frame)
+        return Scene(
+            pose=self.poses[frame],
+            boxes=now.boxes,
+            bodies=[self.bodies[int(track)] for track in now.track_id],
+            static=self.static,
+            terrain=self.terrain,
+            velocities=self._velocities(frame) if motion else None,
+        )
+
+    def _velocities(self, frame: int) -> np.ndarray:
+        """Velocities (M, 3) of the objects of `frame` over the ground, in its level frame, m/s."""
+        now, past = self.objects.at(frame), self.objects.at(frame - 1)
+        result = np.zeros((len(now), 3))
+        if frame == 0 or not len(past):
+            return result
+        turn = np.linalg.inv(self.poses[frame]) @ self.poses[frame - 1]
+        before = dict(zip(past.track_id, transform_boxes(past.boxes, turn)[:, :3], strict=True))
+        for row, track in enumerate(now.track_id):
+            if track in before:
+                result[row] = (now.boxes[row, :3] - before[track]) / SENSOR.period_s
+        return result
+
+
+def ego_poses(sequence: Sequence) -> np.ndarray:
+    """(F, 4, 4) level-frame poses: from poses/, else a plausible constant speed."""
+    if sequence.poses is not None:
+        return sequence.poses
+    poses = np.tile(np.eye(4), (sequence.num_frames, 1, 1))
+    poses[:, 0, 3] = PLAUSIBLE_SPEED * SENSOR.period_s * np.arange(sequence.num_frames)
+    return poses
+
+
+def replay(sequence: Sequence, rng, setting: Setting | None = None) -> Replay:
+    """Builds the world of a labelled sequence; all randomness comes from `rng`."""
+    poses = ego_poses(sequence)
+    objects = sequence.objects
+    objects = objects[np.isfinite(objects.boxes).all(axis=1) & (objects.type != "DontCare")]
+    seed = int(rng.integers(2**31))
+    bodies = {}
+    for track in np.unique(objects.track_id):
+        rows = objects[objects.track_id == track]
+        size = np.median(rows.boxes[:, 3:6], axis=0)
+        bodies[int(track)] = make_body(str(rows.type[0]), size, (seed, int(track)))
+    world_boxes = np.zeros((len(objects), 7))
+    for frame in np.unique(objects.frame):
+        rows = objects.frame == frame
+        world_boxes[rows] = transform_boxes(objects.boxes[rows], poses[frame])
+    setting = setting or SETTINGS[str(rng.choice(list(SETTINGS)))]
+    path = road_path(poses, rng)
+    low, high = path.min(axis=0) - MARGIN, path.max(axis=0) + MARGIN
+    terrain = _terrain(poses, objects, world_boxes, low, high)
+    kerb = float(rng.uniform(4.0, 7.5))
+    _mark_roads(terrain, path, kerb, objects, world_boxes)
+    taken = Grid(low, high, 0.5, bool)
+    _keep_free(taken, poses, path, objects, world_boxes)
+    site = Site(StaticWorld(), terrain, taken)
+    furnish(site, path, kerb, setting, rng)
+    return Replay(poses, objects, bodies, site.world, terrain)
+
+
+def road_path(poses, rng, extension: float = 110.0) -> np.ndarray:
+    """The car's way (n, 2), a point a metre, lengthened at both ends by a bending road."""
+    track = poses[:, :2, 3]
+    moved = [track[0]]
+    for point in track[1:]:
+        if np.hypot(*(point - moved[-1])) > 1.0:
+            moved.append(point)
+    ahead, start = _yaw(poses[-1]), _yaw(poses[0])
+    front = _bend(moved[-1], ahead, extension, rng)
+    back = _bend(moved[0], start + np.pi, extension, rng)[::-1]
+    line = np.vstack([back, np.array(moved), front])
+    length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    even = np.arange(0, length[-1], 1.0)
+    return np.column_stack([np.interp(even, length, line[:, axis]) for axis in (0, 1)])
+
+
+def _yaw(pose) -> float:
+    return float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
+def _bend(start, yaw: float, length: float, rng) -> np.ndarray:
+    curvature = rng.uniform(-1, 1) * 0.012
+    steps = np.arange(1, int(length) + 1)
+    # straight for a while: the last frames' objects are still ahead
+    angle = yaw + curvature * np.maximum(steps - 40, 0)
+    return start + np.cumsum(np.column_stack([np.cos(angle), np.sin(angle)]), axis=0)
+
+
+def _terrain(poses, objects: Objects, world_boxes, low, high) -> Terrain:
+    """Ground through the car's own wheels and the bottoms of vehicles nearby."""
+    foot = np.array([0.0, 0.0, -SENSOR.camera_height, 1.0])
+    own = (poses @ foot)[:, :3]
+    keep = np.concatenate([[True], np.hypot(*np.diff(own[:, :2], axis=0).T) > 0.2])
+    near = np.isin(objects.type, ("Car", "Van", "Truck")) & (objects.boxes[:, 0] < 45)
+    bottom = world_boxes[near, :3].copy()
+    bottom[:, 2] -= world_boxes[near, 5] / 2
+    samples = np.vstack([own[keep], bottom])
+    weights = np.concatenate([np.ones(keep.sum()), np.full(len(bottom), 0.25)])
+    return Terrain(samples, weights, low, high)
+
+
+def _mark_roads(terrain: Terrain, path, kerb: float, objects: Objects, world_boxes) -> None:
+    heading = np.gradient(path, axis=0)
+    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+    across = np.column_stack([-heading[:, 1], heading[:, 0]])
+    for offset in np.arange(-kerb, kerb, 0.3):
+        for step in (0.0, 0.5):
+            terrain.mark_road(path + offset * across + step * heading)
+    wheels = np.isin(objects.type, ("Car", "Van", "Truck", "Tram", "Misc"))
+    for box in world_boxes[wheels][::FRAME_STEP]:
+        points = rectangle_points(box[:2], box[6], box[3] + 1.0, box[4] + 1.0, 0.35)
+        terrain.mark_road(points)
+
+
+def _keep_free(taken: Grid, poses, path, objects: Objects, world_boxes) -> None:
+    """Marks the car's way, the objects' ways and the lines of sight to visible objects."""
+    for pose in poses:
+        taken.mark(rectangle_points(pose[:2, 3], _yaw(pose), 6.0, 5.0, 0.45))
+    for box in world_boxes:
+        taken.mark(rectangle_points(box[:2], box[6], box[3] + 1.2, box[4] + 1.2, 0.45))
+    share = np.linspace(0.0, 1.0, 180)[:, None]
+    corner = np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
+    for frame in range(0, len(poses), FRAME_STEP):
+        rows = (objects.frame == frame) & (objects.occlusion <= 1)
+        eye = poses[frame, :2, 3]
+        for box in world_boxes[rows]:
+            cos, sin = np.cos(box[6]), np.sin(box[6])
+            spots = box[:2] + (corner * box[3:5]) @ np.array([[cos, sin], [-sin, cos]])
+            lines = eye + share[:, None] * (spots - eye)
+            taken.mark(lines.reshape(-1, 2))

@@ -1,0 +1,101 @@
+"""Rays of the scanner: one per beam and azimuth step, in the velodyne and the level frame.
+
+Letters: B beams (top to bottom), C azimuth columns (left to right is not assumed; see `azimuth`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kitti.calibration import Calibration
+from simulator.config import SENSOR, SensorConfig
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays of one sweep.
+
+    azimuth (C,) rad, counter-clockwise from the velodyne's x; elevation (B,) rad;
+    origin_velo, direction_velo (B, C, 3) f32 as the scan file will express them;
+    origin, direction (B, C, 3) f32 in the level frame; time (C,) s from the sweep's reference.
+    """
+
+    azimuth: np.ndarray
+    elevation: np.ndarray
+    origin_velo: np.ndarray
+    direction_velo: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+    time: np.ndarray
+
+
+def beam_table(config: SensorConfig = SENSOR) -> tuple[np.ndarray, np.ndarray]:
+    """Elevations (64,) in radians, top to bottom, and heights (64,) of the beams' origins."""
+    upper = config.upper_top_deg - config.upper_step_deg * np.arange(config.upper_beams)
+    lower = config.lower_top_deg - config.lower_step_deg * np.arange(config.lower_beams)
+    heights = np.repeat(
+        [config.upper_height, config.lower_height], [config.upper_beams, config.lower_beams]
+    )
+    return np.radians(np.concatenate([upper, lower])), heights
+
+
+def make_rays(
+    calib: Calibration, *, full: bool = False, velocity=None, config: SensorConfig = SENSOR
+) -> Rays:
+    """Rays of one sweep in the camera's view, or all around with `full`.
+
+    velocity: None for a scan corrected for the car's motion, as KITTI's are; else (vx, vy, yaw
+    rate) of the car in its own frame, m/s and rad/s: the scanner moves during the sweep and the
+    scan file keeps what it measured. The reference time is when the scanner looks ahead.
+    """
+    elevation, height = beam_table(config)
+    half = 180.0 if full else config.view_half_angle_deg
+    count = round(2 * half / config.azimuth_step_deg)
+    step = np.radians(2 * half / count if full else config.azimuth_step_deg)
+    azimuth = (np.arange(count) - (count - 1) / 2) * step
+    if not full:
+        elevation, height = elevation[: config.view_beams], height[: config.view_beams]
+    beams = len(elevation)
+    # Lasers fire one after the other, so rings are shifted against each other within a step.
+    shift = ((np.arange(beams) * 0.618034) % 1.0 - 0.5) * step
+    angle = azimuth[None, :] + shift[:, None]
+    cos_el = np.cos(elevation)[:, None]
+    direction = np.stack(
+        [cos_el * np.cos(angle), cos_el * np.sin(angle),
+         np.broadcast_to(np.sin(elevation)[:, None], angle.shape)], axis=-1
+    )  # fmt: skip
+    origin = np.zeros_like(direction)
+    origin[..., 2] = height[:, None]
+    # The head turns clockwise seen from above: it passes the left side first.
+    time = -azimuth / (2 * np.pi) * config.period_s
+    moved_origin, moved_direction = origin, direction
+    if velocity is not None:
+        moved_origin, moved_direction = _moved(origin, direction, velocity, time)
+    rotation = calib.velo_to_level(np.eye(3)) - calib.velo_to_level(np.zeros((1, 3)))
+    return Rays(
+        azimuth=azimuth,
+        elevation=elevation,
+        origin_velo=origin.astype(np.float32),
+        direction_velo=direction.astype(np.float32),
+        origin=calib.velo_to_level(moved_origin.reshape(-1, 3))
+        .reshape(moved_origin.shape)
+        .astype(np.float32),
+        direction=(moved_direction @ rotation).astype(np.float32),
+        time=time,
+    )
+
+
+def _moved(origin, direction, velocity, time):
+    """Rays of a scanner that moves with `velocity` (vx, vy, yaw rate), seen from its pose at 0."""
+    vx, vy, rate = velocity
+    yaw = (rate * time)[None, :]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+
+    def turned(vectors):
+        x, y = vectors[..., 0], vectors[..., 1]
+        return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[..., 2]], axis=-1)
+
+    shift = np.stack([vx * time, vy * time, np.zeros_like(time)], axis=-1)
+    return turned(origin) + shift[None], turned(direction)
