@@ -27,6 +27,9 @@ the devkit's text."""
 VEHICLES = ("Car", "Van")
 """What the paper counts as vehicles (636 trajectories)."""
 
+NO_ANGLE = -10.0
+"""KITTI's value of alpha for a row without a 3-D box."""
+
 _DTYPES = {
     "frame": np.int32,
     "track_id": np.int32,
@@ -147,7 +150,7 @@ class Objects:
             type=np.broadcast_to(kind, rows),
             truncation=np.full(rows, -1),
             occlusion=np.full(rows, -1),
-            alpha=observation_angle(boxes),
+            alpha=np.nan_to_num(observation_angle(boxes), nan=NO_ANGLE),
             bbox=np.where(np.isnan(bbox), -1.0, bbox),
             boxes=boxes,
             score=np.broadcast_to(score, rows),

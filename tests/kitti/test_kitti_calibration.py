@@ -1,0 +1,109 @@
+"""Calibration: both spellings, frames, projection, bad files."""
+
+import numpy as np
+import pytest
+
+from common.errors import InputError
+from kitti.calibration import read_calibration, write_calibration
+
+ONE = "1 0 0 0 0 1 0 0 0 0 1 0"
+P = "700 0 600 40 0 700 170 0 0 0 1 0"
+VELO = "0 -1 0 0 0 0 -1 0 1 0 0 -0.27"
+EYE = "1 0 0 0 1 0 0 0 1"
+PROJECTIONS = "".join(f"P{i}: {P}\n" for i in range(4))
+NEW = f"{PROJECTIONS}R0_rect: {EYE}\nTr_velo_to_cam: {VELO}\nTr_imu_to_velo: {ONE}\n"
+OLD = f"{PROJECTIONS}R_rect {EYE}\nTr_velo_cam {VELO}\nTr_imu_velo {ONE}\n"
+
+
+def _fields(calib):
+    return [calib.p2, calib.r0_rect, calib.tr_velo_to_cam, calib.tr_imu_to_velo, calib.p0, calib.p3]
+
+
+def test_both_spellings_are_the_same(tmp_path):
+    (tmp_path / "new.txt").write_text(NEW + "\n")
+    (tmp_path / "old.txt").write_text(OLD.replace("\n", " \r\n"))
+    new, old = read_calibration(tmp_path / "new.txt"), read_calibration(tmp_path / "old.txt")
+    for a, b in zip(_fields(new), _fields(old), strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(new.p2, np.array(P.split(), float).reshape(3, 4))
+
+
+def test_round_trip(tmp_path, calib):
+    write_calibration(tmp_path / "c.txt", calib)
+    again = read_calibration(tmp_path / "c.txt")
+    assert again.tr_imu_to_velo is None
+    for a, b in zip(_fields(calib)[:3], _fields(again)[:3], strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+def test_axes_of_the_level_frame(tmp_path):
+    (tmp_path / "c.txt").write_text(NEW)
+    level = read_calibration(tmp_path / "c.txt").velo_to_level(np.eye(3) * 10)
+    # This Velodyne is parallel to the level frame, 0.27 m behind camera 0.
+    np.testing.assert_allclose(level, np.eye(3) * 10 - [0.27, 0, 0], atol=1e-12)
+
+
+def test_level_to_velo_is_the_inverse(calib):
+    xyz = np.random.default_rng(0).normal(0, 30, (50, 3))
+    np.testing.assert_allclose(calib.level_to_velo(calib.velo_to_level(xyz)), xyz, atol=1e-9)
+
+
+def test_projection_is_p2_times_camera_coordinates(calib):
+    x, y, z = 3.0, -1.0, 12.0  # camera 0: right, down, forward
+    u, v, depth = calib.p2 @ [x, y, z, 1]
+    uv, found = calib.project_level(np.array([[z, -x, -y]]))
+    np.testing.assert_allclose(uv[0], [u / depth, v / depth])
+    np.testing.assert_allclose(found, depth)
+    assert calib.project_level(np.zeros((0, 3)))[0].shape == (0, 2)
+
+
+def _without(key):
+    return "".join(line + "\n" for line in NEW.splitlines() if not line.startswith(key))
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (_without("P2"), None, "missing key P2"),
+        (_without("R0"), None, "missing key R0_rect"),
+        (_without("Tr_velo"), None, "missing key Tr_velo_to_cam"),
+        ("", None, "missing key P2"),
+        (NEW.replace(EYE, EYE[:-2]), 5, "R0_rect: expected 9 numbers, found 8"),
+        (NEW.replace(VELO, VELO + " 1"), 6, "expected 12 numbers, found 13"),
+        (NEW.replace("-0.27", "x"), 6, "Tr_velo_to_cam: expected numbers"),
+        (NEW.replace("-0.27", "nan"), 6, "expected finite numbers"),
+        (NEW.replace("-0.27", "inf"), 6, "expected finite numbers"),
+        (NEW + f"P2: {P}\n", 8, "P2 is there twice"),
+        (NEW.replace(EYE, "2 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
+        (NEW.replace(EYE, "-1 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
+        (NEW.replace("700", "0"), 1, "positive focal"),
+    ],
+)
+def test_bad_files(tmp_path, text, line, message):
+    path = tmp_path / "c.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        read_calibration(path)
+    assert error.value.line == line
+    assert str(error.value).startswith(str(path))
+
+
+def test_not_text_and_not_a_file(tmp_path):
+    (tmp_path / "c.txt").write_bytes(NEW.encode() + b"\xff\xfe")
+    with pytest.raises(InputError, match=r"c\.txt:8: .*plain text.*0xff"):
+        read_calibration(tmp_path / "c.txt")
+    with pytest.raises(InputError, match="directory"):
+        read_calibration(tmp_path)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_calibration(tmp_path / "absent.txt")
+
+
+@pytest.mark.real
+def test_real_calibrations(kitti_root):
+    paths = sorted((kitti_root / "training" / "calib").glob("*.txt"))
+    assert len(paths) == 21
+    for path in paths:
+        calib = read_calibration(path)
+        level = calib.velo_to_level(np.array([[10.0, 0, 0]]))[0]
+        # The Velodyne looks forward, about 0.3 m behind and 0.1 m above the camera.
+        np.testing.assert_allclose(level, [9.7, 0.0, 0.0], atol=0.4)

@@ -1,0 +1,177 @@
+"""The displacement experiment: distributions, determinism, what moves with what."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kitti.boxes import points_in_boxes, project_boxes
+from kitti.displacement import (
+    LENGTHS,
+    DisplacementModel,
+    displace_detections,
+    displace_objects,
+    displace_points,
+)
+from kitti.objects import Objects
+
+CAR = np.array([20.0, 0, 0, 4, 2, 1.5, 0.3])
+readings = pytest.mark.parametrize("hold", [False, True])
+PINNED = [[-0.988679827971141, -0.729300742734726], [-0.41840638367346, -1.140218128127087]]
+lengths = pytest.mark.parametrize("length", LENGTHS)
+
+
+def _moved(box, x=0.0, y=0.0, z=0.0):
+    return box + np.array([x, y, z, 0, 0, 0, 0])
+
+
+def _objects(frames, ids):
+    frame, track_id = (a.ravel() for a in np.meshgrid(range(frames), range(ids), indexing="ij"))
+    boxes = np.tile(CAR, (len(frame), 1))
+    boxes[:, 0] += 10.0 * track_id
+    return Objects.from_boxes(frame, track_id, boxes, 1.0)
+
+
+@lengths
+@readings
+@given(seed=st.integers(0, 2**63 - 1), seq=st.integers(0, 9999), order=st.randoms())
+def test_depends_on_the_key_alone(length, hold, seed, seq, order):
+    model, objects = DisplacementModel(2.0, seed, length, hold), _objects(3, 4)
+    offsets = model.offsets(objects, seq)
+    rows = list(range(len(objects)))
+    order.shuffle(rows)
+    rows = np.array(rows[:7])  # any order, any subset
+    np.testing.assert_array_equal(model.offsets(objects[rows], seq), offsets[rows])
+
+
+@lengths
+@readings
+def test_other_seed_sequence_frame_or_id_gives_other_shifts(length, hold):
+    objects = _objects(3, 4)
+    first = DisplacementModel(2.0, 1, length, hold).offsets(objects, 0)
+    for seed, seq in ((2, 0), (1, 1), (0, 1)):
+        other = DisplacementModel(2.0, seed, length, hold).offsets(objects, seq)
+        assert (np.abs(other - first) > 1e-6).all(axis=1).all()
+    distinct = len(np.unique(first, axis=0))
+    assert distinct == (4 if hold else 12)
+    by_frame = first.reshape(3, 4, 2)
+    assert (by_frame[0] == by_frame[1]).all() == hold
+
+
+def test_shifts_stay_as_they_are_over_versions():
+    """Pins the hash: figures made with a seed can be made again."""
+    offsets = DisplacementModel(2.0, 7, "per_axis").offsets(_objects(1, 2), 16)
+    np.testing.assert_allclose(offsets, PINNED, atol=1e-12)
+
+
+def test_uniform_length_and_direction():
+    offsets = DisplacementModel(2.0, 0, "uniform").offsets(_objects(200, 200), 0)
+    reach, bearing = np.hypot(*offsets.T) / 2, np.arctan2(offsets[:, 1], offsets[:, 0])
+    assert reach.max() <= 1
+    for share in (0.1, 0.5, 0.9):  # 40,000 draws: standard error at most 0.0025
+        assert (reach < share).mean() == pytest.approx(share, abs=0.01)
+    for turn in (-np.pi / 2, 0, np.pi / 2):
+        assert (bearing < turn).mean() == pytest.approx((turn + np.pi) / (2 * np.pi), abs=0.01)
+    assert abs(np.corrcoef(reach, bearing)[0, 1]) < 0.02
+
+
+def test_per_axis_fills_the_square():
+    offsets = DisplacementModel(2.0, 0, "per_axis").offsets(_objects(200, 200), 0)
+    assert np.abs(offsets).max() <= 2
+    for share in (0.1, 0.5, 0.9):
+        below = (offsets < 4 * share - 2).mean(axis=0)
+        np.testing.assert_allclose(below, share, atol=0.01)
+    assert abs(np.corrcoef(offsets.T)[0, 1]) < 0.02
+
+
+def test_neighbouring_frames_and_ids_are_independent():
+    x = DisplacementModel(1.0, 0, "per_axis").offsets(_objects(200, 200), 0)[:, 0].reshape(200, 200)
+    assert abs(np.corrcoef(x[1:].ravel(), x[:-1].ravel())[0, 1]) < 0.02
+    assert abs(np.corrcoef(x[:, 1:].ravel(), x[:, :-1].ravel())[0, 1]) < 0.02
+
+
+@lengths
+@readings
+def test_distance_zero_moves_nothing_and_distance_scales(length, hold):
+    objects = _objects(2, 3)
+    none = DisplacementModel(0.0, 5, length, hold).offsets(objects, 1)
+    assert not none.any()
+    one, two = (DisplacementModel(d, 5, length, hold).offsets(objects, 1) for d in (1.0, 2.0))
+    np.testing.assert_allclose(two, 2 * one)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"distance": -1.0}, "distance: expected metres >= 0"),
+        ({"distance": np.nan}, "distance"),
+        ({"distance": 1.0, "length": "gauss"}, "length: expected one of"),
+        ({"distance": 1.0, "seed": -1}, "seed"),
+    ],
+)
+def test_bad_models(bad, message):
+    with pytest.raises(ValueError, match=message):
+        DisplacementModel(**bad)
+
+
+def test_rows_without_box_or_id_stay(calib):
+    dont_care = Objects.from_boxes(0, -1, np.full((1, 7), np.nan), kind="DontCare")
+    objects = Objects.concatenate([_objects(1, 1), dont_care])
+    offsets = DisplacementModel(2.0).offsets(objects, 0)
+    assert offsets[0].any()
+    assert not offsets[1].any()
+    moved = displace_objects(objects, offsets, calib)
+    np.testing.assert_allclose(moved.boxes[0, :2], CAR[:2] + offsets[0])
+    np.testing.assert_array_equal(moved.boxes[0, 2:], CAR[2:])
+    assert np.isnan(moved.boxes[1]).all()
+    np.testing.assert_array_equal(moved.bbox[1], objects.bbox[1])
+
+
+def test_2d_boxes_follow_where_a_calibration_is_given(calib):
+    objects = _objects(1, 3)
+    offsets = np.array([[1.0, 0.5], [0, 0], [-100, 0]])
+    plain, moved = displace_objects(objects, offsets), displace_objects(objects, offsets, calib)
+    np.testing.assert_array_equal(plain.bbox, objects.bbox)
+    np.testing.assert_allclose(moved.bbox[0], project_boxes(moved.boxes[:1], calib)[0])
+    np.testing.assert_array_equal(moved.bbox[1], objects.bbox[1])  # did not move
+    assert moved.bbox[2].tolist() == [-1] * 4  # now behind the camera
+    assert moved.alpha[0] != objects.alpha[0]
+    assert objects.boxes[0, 0] == CAR[0]  # the input is left alone
+
+
+def test_points_in_a_box_move_with_it():
+    rng = np.random.default_rng(0)
+    points = rng.uniform([15, -3, -1, 0], [36, 3, 1, 1], (2000, 4)).astype(np.float32)
+    boxes = np.stack([CAR, _moved(CAR, 10)])
+    offsets = np.array([[1.0, -2.0], [0.0, 0.5]])
+    moved, index = displace_points(points, boxes, offsets), points_in_boxes(points, boxes)
+    assert set(index) == {-1, 0, 1}
+    for box in (0, 1):
+        step = moved[index == box] - points[index == box]
+        np.testing.assert_allclose(step, np.tile([*offsets[box], 0, 0], (len(step), 1)), atol=1e-5)
+    np.testing.assert_array_equal(moved[index < 0], points[index < 0])
+    assert moved.dtype == np.float32
+
+
+def test_detections_move_with_the_object_they_overlap_most():
+    objects = Objects.from_boxes([3, 3, 4], [1, 2, 1], np.stack([CAR, _moved(CAR, 3), CAR]), 1.0)
+    offsets = np.array([[1.0, 0], [0, 2.0], [-5, -5]])
+    on_first, between, alone = (_moved(CAR, d) for d in (0.2, 2.5, 40.0))
+    below = _moved(CAR, z=-9)  # seen from above it overlaps, and that is what counts
+    found = Objects.from_boxes([3, 4, 3, 3, 9, 3], -1, np.stack(
+        [between, on_first, alone, on_first, on_first, below]), 0.5)  # fmt: skip
+    moved = displace_detections(found, objects, offsets)
+    step = (moved.boxes - found.boxes)[:, :2]
+    expected = [[0, 2], [-5, -5], [0, 0], [1, 0], [0, 0], [1, 0]]
+    np.testing.assert_allclose(step, expected, atol=1e-12)
+
+
+def test_empty_frames_and_files():
+    nothing = Objects.empty()
+    model = DisplacementModel(2.0)
+    assert model.offsets(nothing, 0).shape == (0, 2)
+    assert len(displace_objects(nothing, np.zeros((0, 2)))) == 0
+    some = _objects(1, 2)
+    stay = displace_detections(some, nothing, np.zeros((0, 2)))
+    np.testing.assert_array_equal(stay.boxes, some.boxes)
+    assert len(displace_detections(nothing, some, np.ones((2, 2)))) == 0

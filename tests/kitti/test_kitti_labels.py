@@ -1,0 +1,319 @@
+"""Labels, results and detections: round trips, and every kind of bad row."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from kitti_rows import dont_care_row, label_row
+
+from common.errors import InputError
+from kitti.boxes import wrap_angle
+from kitti.labels import (
+    VEHICLES,
+    Objects,
+    read_detections,
+    read_labels,
+    read_results,
+    write_labels,
+    write_results,
+)
+
+DETECTION = "{frame},2,100.0,120.0,200.0,180.0,{score},1.5,1.6,4.0,2.0,1.7,20.0,0.3,-1.5"
+
+
+def _write(path, rows):
+    path.write_text("".join(row + "\n" for row in rows))
+    return path
+
+
+def test_reads_what_is_there(tmp_path):
+    rows = [dont_care_row(0), label_row(0, 3), label_row(2, 3, "Van", z=30.0)]
+    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    assert objects.frame.tolist() == [0, 0, 2]
+    assert objects.track_id.tolist() == [-1, 3, 3]
+    assert objects.type.tolist() == ["DontCare", "Car", "Van"]
+    assert objects.occlusion.tolist() == [-1, 1, 1]
+    assert np.isnan(objects.boxes[0]).all()
+    assert np.isnan(objects.score).all()
+    np.testing.assert_allclose(objects.bbox[1], [100, 120, 200, 180])
+    expected = [30, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
+    np.testing.assert_allclose(objects.boxes[2], expected)
+    assert objects.boxes.dtype == np.float64
+    assert (objects.frame.dtype, objects.track_id.dtype) == (np.int32, np.int32)
+
+
+def test_rows_are_sorted_by_frame_stably(tmp_path):
+    rows = [label_row(5, 1), label_row(0, 2), label_row(5, 0), label_row(0, 1)]
+    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    assert objects.frame.tolist() == [0, 0, 5, 5]
+    assert objects.track_id.tolist() == [2, 1, 1, 0]
+
+
+def test_blank_lines_and_other_line_ends_are_no_matter(tmp_path):
+    path = tmp_path / "l.txt"
+    path.write_bytes((label_row(0, 1) + "\r\n\r\n  " + label_row(1, 1)).encode())
+    assert read_labels(path).frame.tolist() == [0, 1]
+
+
+def test_chosen_rows(tmp_path):
+    rows = [dont_care_row(0), label_row(0, 3), label_row(2, 3, "Van"), label_row(2, 4, "Tram")]
+    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    assert objects.of_classes(VEHICLES).type.tolist() == ["Car", "Van"]
+    assert objects.at(2).track_id.tolist() == [3, 4]
+    assert len(objects.at(1)) == len(objects.at(99)) == 0
+    assert objects[objects.frame == 2].at(2).type.tolist() == ["Van", "Tram"]
+    backwards = objects[np.array([3, 2, 1, 0])]
+    assert backwards.at(0).type.tolist() == ["Car", "DontCare"]
+    both = Objects.concatenate([objects, objects.at(0)])
+    assert both.frame.tolist() == [0, 0, 2, 2, 0, 0]
+    assert both.type.dtype == objects.type.dtype
+    assert len(Objects.concatenate([])) == len(Objects.empty()) == 0
+
+
+def test_objects_refuse_arrays_that_do_not_run_in_parallel():
+    fields = {name: getattr(Objects.empty(), name) for name in Objects.__dataclass_fields__}
+    with pytest.raises(ValueError, match=r"bbox: expected shape \(0, 4\)"):
+        Objects(**{**fields, "bbox": np.zeros((1, 4))})
+
+
+coordinate = st.floats(-500, 500)
+length = st.floats(0.01, 50)
+ry = st.floats(-3.14159, 3.14159)
+kinds = st.sampled_from(["Car", "Van", "Pedestrian", "Person", "Person_sitting", "DontCare"])
+row = st.tuples(
+    st.integers(0, 60), kinds, st.tuples(*[coordinate] * 2), st.tuples(*[length] * 5),
+    st.tuples(*[coordinate] * 3), ry, st.floats(-50, 50),
+)  # fmt: skip
+
+
+def _objects(rows):
+    parts = []
+    for track_id, (frame, kind, corner, sizes, place, turn, score) in enumerate(rows):
+        cared = kind != "DontCare"
+        box = (
+            np.array([[*place, *sizes[:3], wrap_angle(turn)]]) if cared else np.full((1, 7), np.nan)
+        )
+        bbox = np.array([[*corner, corner[0] + sizes[3], corner[1] + sizes[4]]])
+        identity = track_id if cared else -1
+        parts.append(Objects.from_boxes(frame, identity, box, score, kind=kind, bbox=bbox))
+    both = Objects.concatenate(parts)
+    return both[np.argsort(both.frame, kind="stable")]
+
+
+def _assert_same(a, b, scores):
+    for name in ("frame", "track_id", "occlusion", "truncation"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert a.type.tolist() == b.type.tolist()
+    np.testing.assert_allclose(a.bbox, b.bbox, atol=1e-6)
+    np.testing.assert_allclose(a.boxes[:, :6], b.boxes[:, :6], atol=2e-6)
+    turn = wrap_angle(a.boxes[:, 6] - b.boxes[:, 6])
+    assert np.nanmax(np.abs(turn), initial=0) < 1e-6
+    if scores:
+        np.testing.assert_allclose(a.score, b.score, atol=1e-6)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+@given(rows=st.lists(row, min_size=1, max_size=12))
+def test_round_trips(tmp_path, rows):
+    objects = _objects(rows)
+    path = tmp_path / "r.txt"
+    write_results(path, objects)
+    _assert_same(read_results(path), objects, scores=True)
+    write_labels(path, objects)
+    _assert_same(read_labels(path), objects, scores=False)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@given(data=st.data())
+def test_any_damage_is_read_or_refused_with_the_file_named(tmp_path, data):
+    text = "".join(label_row(t, t % 3) + "\n" for t in range(4)).encode()
+    at = data.draw(st.integers(0, len(text) - 1))
+    damage = data.draw(st.binary(max_size=6))
+    path = tmp_path / "l.txt"
+    path.write_bytes(text[:at] + damage + text[at + len(damage) :])
+    try:
+        objects = read_labels(path)
+    except InputError as error:
+        assert str(error).startswith(str(path))
+        assert "\n" not in str(error)
+    else:
+        cared = objects[objects.type != "DontCare"]
+        assert np.isfinite(cared.boxes).all()
+        assert (cared.boxes[:, 3:6] > 0).all()
+
+
+def test_cut_files_are_refused(tmp_path):
+    text = "".join(label_row(t, 0) + "000\n" for t in range(3))  # ends in 0.3000
+    path = tmp_path / "l.txt"
+    last = text[:-1].rindex("\n") + 1
+    for end in range(last + 1, len(text) - 1):
+        path.write_text(text[:end])
+        with pytest.raises(InputError, match=r"l\.txt:3: (expected 17 columns|the file is cut)"):
+            read_labels(path)
+    path.write_text(text[:-1])  # only the line's end is missing
+    assert len(read_labels(path)) == 3
+
+
+def _changed(column, value):
+    words = label_row(7, 1).split()
+    words[column - 1] = value
+    return " ".join(words)
+
+
+BAD_ROWS = [
+    ("1 2 3", "expected 17 columns, found 3"),
+    (label_row(7, 1) + " 0.5", "expected 17 columns, found 18"),
+    (_changed(1, "-1"), "column 1: expected a frame number >= 0"),
+    (_changed(1, "1.5"), "column 1: expected an integer frame number"),
+    (_changed(1, "99999999999"), "column 1: expected an integer frame number"),
+    (_changed(1, "x"), "column 1: expected a number, found 'x'"),
+    (_changed(2, "-1"), "column 2: expected a track id >= 0"),
+    (_changed(2, "a"), "column 2: expected a number"),
+    (_changed(2, "1_0"), "column 2: expected a number, found '1_0'"),
+    (_changed(3, "Bus"), "column 3: unknown class 'Bus', expected one of Car Van"),
+    (_changed(3, "car"), "column 3: unknown class 'car'"),
+    (_changed(5, "0.5"), "column 5: expected an integer occlusion"),
+    (_changed(7, "300"), "columns 7-10: expected x1 <= x2"),
+    (_changed(10, "100"), "columns 7-10: expected x1 <= x2, y1 <= y2"),
+    (_changed(11, "0"), "columns 11-13: expected sizes h w l above 0"),
+    (_changed(13, "-4"), "columns 11-13: expected sizes h w l above 0"),
+    (_changed(14, "nan"), "column 14: expected a finite number, found 'nan'"),
+    (_changed(16, "inf"), "column 16: expected a finite number, found 'inf'"),
+    (_changed(17, "-inf"), "column 17: expected a finite number"),
+    (_changed(17, "0.3.1"), "column 17: expected a number, found '0.3.1'"),
+    (label_row(0, 1), "frame 0 has track id 1 twice"),
+]
+
+
+@pytest.mark.parametrize(("bad", "message"), BAD_ROWS)
+def test_bad_row_is_named(tmp_path, bad, message):
+    path = _write(tmp_path / "l.txt", [label_row(0, 1), dont_care_row(0), bad, label_row(9, 1)])
+    with pytest.raises(InputError, match=message) as error:
+        read_labels(path)
+    assert str(error.value).startswith(f"{path}:3: ")
+
+
+def test_result_rows_are_checked_alike(tmp_path):
+    rows = [label_row(0, 1) + " 0.9", label_row(0, 1) + " 0.8"]
+    with pytest.raises(InputError, match=r":2: frame 0 has track id 1 twice"):
+        read_results(_write(tmp_path / "r.txt", rows))
+    with pytest.raises(InputError, match=r":2: expected 18 columns, found 17"):
+        read_results(_write(tmp_path / "r.txt", [rows[0], label_row(1, 1)]))
+    with pytest.raises(InputError, match=r":1: expected 17 or 18 columns, found 2"):
+        read_results(_write(tmp_path / "r.txt", ["0 1"]))
+    with pytest.raises(InputError, match=r":1: column 18: expected a finite number"):
+        read_results(_write(tmp_path / "r.txt", [label_row(0, 1) + " nan"]))
+
+
+def test_frame_beyond_the_sequence(tmp_path):
+    path = _write(tmp_path / "l.txt", [label_row(3, 0), label_row(4, 0)])
+    assert len(read_labels(path, 5)) == 2
+    with pytest.raises(InputError, match=r":2: .*frame beyond the sequence, expected 0 to 3"):
+        read_labels(path, 4)
+
+
+def test_empty_files(tmp_path):
+    path = tmp_path / "e.txt"
+    for content in (b"", b"\n \n"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="is empty, expected label rows"):
+            read_labels(path)
+        assert len(read_labels(path, num_frames=3)) == 0
+        assert len(read_results(path)) == 0
+        assert len(read_detections(path)) == 0
+
+
+@pytest.mark.parametrize("read", [read_labels, read_results, read_detections])
+def test_not_a_text_file(tmp_path, read):
+    path = tmp_path / "l.txt"
+    path.write_bytes(label_row(0, 0).encode() + b"\n0 1 C\xffr\n")
+    with pytest.raises(InputError, match=r"l\.txt:2: expected plain text, found byte 0xff"):
+        read(path)
+    with pytest.raises(InputError, match="expected a file, found a directory"):
+        read(tmp_path)
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        read(tmp_path / "absent.txt")
+
+
+def test_results_without_scores_or_3d_boxes(tmp_path):
+    flat = "0 1 Car -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10"
+    objects = read_results(_write(tmp_path / "r.txt", [flat]))
+    assert np.isnan(objects.boxes).all()
+    assert np.isnan(objects.score).all()
+    with pytest.raises(InputError, match="sizes h w l above 0"):
+        read_results(_write(tmp_path / "r.txt", [flat.replace("-1000", "-999")]))
+
+
+def test_writers_refuse_what_could_not_be_read_again(tmp_path):
+    box = np.array([[20.0, 0, 0, 4, 2, 1.5, 0]])
+    with pytest.raises(ValueError, match="finite score"):
+        write_results(tmp_path / "r.txt", Objects.from_boxes(0, 1, box))
+    with pytest.raises(ValueError, match="row 0: expected finite numbers"):
+        write_results(
+            tmp_path / "r.txt", Objects.from_boxes(0, 1, box * [np.inf, 1, 1, 1, 1, 1, 1], 0.5)
+        )
+    assert not (tmp_path / "r.txt").exists()
+
+
+def test_results_of_boxes_outside_the_image(tmp_path):
+    box = np.array([[20.0, 0, 0, 4, 2, 1.5, 0]])
+    write_results(tmp_path / "r.txt", Objects.from_boxes(4, 1, box, 0.5))
+    words = (tmp_path / "r.txt").read_text().split()
+    assert words[:10] == ["4", "1", "Car", "-1", "-1", words[5], *["-1.000000"] * 4]
+    assert words[17] == "0.500000"
+
+
+def test_detections(tmp_path):
+    rows = [DETECTION.format(frame=3, score=-1.5), DETECTION.format(frame=0, score=7)]
+    rows.append(rows[0].replace(",2,100", ",3,100"))
+    found = read_detections(_write(tmp_path / "d.txt", rows))
+    assert found.frame.tolist() == [0, 3, 3]
+    assert found.type.tolist() == ["Car", "Car", "Cyclist"]
+    assert found.track_id.tolist() == [-1, -1, -1]
+    assert found.score.tolist() == [7, -1.5, -1.5]
+    assert found.alpha[0] == -1.5
+    np.testing.assert_allclose(
+        found.boxes[0], [20, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((",2,100", ",4,100"), r"column 2: expected one of the types 1 \(Pedestrian\) 2 \(Car\)"),
+        (("1.5,1.6,4.0", "1.5,1.6,0"), "columns 8-10: expected sizes"),
+        ((",-1.5", ""), "expected 15 columns, found 14"),
+        ((",0.3,", ",nan,"), "column 14: expected a finite number"),
+        (("8,2", "-8,2"), "column 1: expected a frame number >= 0"),
+        (("8,2", "50,2"), "column 1: frame beyond the sequence, expected 0 to 9"),
+        ((",", " "), "expected 15 columns, found 1"),
+    ],
+)
+def test_bad_detections(tmp_path, change, message):
+    rows = [DETECTION.format(frame=0, score=1), DETECTION.format(frame=8, score=1).replace(*change)]
+    with pytest.raises(InputError, match=rf"d\.txt:2: {message}"):
+        read_detections(_write(tmp_path / "d.txt", rows), 10)
+
+
+@pytest.mark.real
+def test_all_real_labels_come_back_to_1e_4(kitti_root, tmp_path):
+    vehicles = 0
+    for path in sorted((kitti_root / "training" / "label_02").glob("*.txt")):
+        objects = read_labels(path)
+        vehicles += len(objects.of_classes(VEHICLES))
+        write_labels(tmp_path / "l.txt", objects)
+        before = [line.split() for line in path.read_text().splitlines()]
+        after = [line.split() for line in (tmp_path / "l.txt").read_text().splitlines()]
+        assert [row[2] for row in before] == [row[2] for row in after]
+        a, b = (np.array([r[:2] + r[3:] for r in rows], float) for rows in (before, after))
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-4)
+    assert vehicles == 30601
+
+
+@pytest.mark.real
+def test_all_real_detections_are_read(kitti_root):
+    paths = sorted((kitti_root / "detections" / "pointrcnn_Car").glob("*.txt"))
+    found = [read_detections(path) for path in paths]
+    lines = sum(len(path.read_text().splitlines()) for path in paths)
+    assert sum(map(len, found)) == lines
+    assert all(np.isfinite(part.boxes).all() for part in found)

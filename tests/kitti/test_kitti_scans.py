@@ -1,0 +1,92 @@
+"""Scans: files, the camera's crop, drawing points."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.errors import InputError
+from kitti.scans import in_camera_view, read_scan, sample_points, write_scan
+
+
+def test_round_trip(tmp_path):
+    points = np.random.default_rng(0).normal(size=(7, 4)).astype(np.float32)
+    write_scan(tmp_path / "0.bin", points)
+    again = read_scan(tmp_path / "0.bin")
+    assert again.dtype == np.float32
+    assert again.flags.writeable
+    np.testing.assert_array_equal(again, points)
+
+
+def test_write_refuses_other_shapes(tmp_path):
+    with pytest.raises(ValueError, match=r"\(n, 4\)"):
+        write_scan(tmp_path / "0.bin", np.zeros((5, 3)))
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("size", [0, 1, 15, 17, 40])
+def test_truncated_or_empty(tmp_path, size):
+    (tmp_path / "0.bin").write_bytes(b"\x00" * size)
+    with pytest.raises(InputError, match=rf"multiple of 16 bytes, found {size}$"):
+        read_scan(tmp_path / "0.bin")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_not_finite(tmp_path, value):
+    points = np.zeros((5, 4), np.float32)
+    points[3, 1] = value
+    write_scan(tmp_path / "0.bin", points)
+    with pytest.raises(InputError, match="point 3: expected finite"):
+        read_scan(tmp_path / "0.bin")
+
+
+def test_directory_or_missing(tmp_path):
+    with pytest.raises(InputError, match="directory"):
+        read_scan(tmp_path)
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        read_scan(tmp_path / "0.bin")
+
+
+def test_camera_view(calib):
+    in_front = [20.0, 0, 0]
+    behind, left, above = [-20.0, 0, 0], [5.0, 20, 0], [5.0, 0, 10]
+    points = np.array([in_front, behind, left, above])
+    assert in_camera_view(points, calib).tolist() == [True, False, False, False]
+    # 720 * y / 20 + 610 = 1241 at y = -17.5: the image's right edge.
+    edge = np.array([[20.0, -17.4, 0], [20.0, -17.6, 0]])
+    assert in_camera_view(edge, calib).tolist() == [True, False]
+    assert in_camera_view(edge, calib, image_size=(1300, 375)).all()
+    assert in_camera_view(points[:1], calib, min_depth=25.0).tolist() == [False]
+
+
+@given(count=st.integers(1, 40), n=st.integers(0, 60), seed=st.integers(0, 9))
+def test_sampling(count, n, seed):
+    points = np.zeros((count, 4))
+    index = sample_points(points, n, np.random.default_rng(seed))
+    assert index.shape == (n,)
+    used = np.unique(index)
+    assert len(used) == min(n, count)  # no repeats while there are enough, then every point
+    assert used.min(initial=0) >= 0
+    assert used.max(initial=0) < count
+    again = sample_points(points, n, np.random.default_rng(seed))
+    np.testing.assert_array_equal(index, again)
+
+
+def test_sampling_from_nothing():
+    with pytest.raises(ValueError, match="from none"):
+        sample_points(np.zeros((0, 4)), 3, np.random.default_rng(0))
+
+
+@pytest.mark.real
+def test_real_scans_lie_in_the_image(kitti_root):
+    from kitti.sequence import Sequence
+
+    sequence = Sequence(kitti_root, 0)
+    for t in (0, 77, 153):
+        everything = sequence.read_points_level(t, crop=False)
+        cropped = sequence.read_points_level(t)
+        assert everything.dtype == np.float32
+        assert len(cropped) > 0.999 * len(everything)  # the files are cropped already
+        assert 15_000 < len(everything) < 25_000

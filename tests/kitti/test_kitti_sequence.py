@@ -1,0 +1,171 @@
+"""Sequences: frames from labels or seqmap, gaps in scans, poses, bad folders."""
+
+import numpy as np
+import pytest
+from kitti_rows import dont_care_row, label_row
+
+from common.errors import InputError
+from kitti.calibration import LEVEL_FROM_CAMERA
+from kitti.scans import write_scan
+from kitti.seqmap import SEQMAP, read_seqmap, write_seqmap
+from kitti.sequence import Sequence, open_sequences
+
+ROWS = [label_row(0, 1), dont_care_row(3), label_row(5, 1)]
+
+
+def _add_scans(root, frames, subset="training", seq=0):
+    for t in frames:
+        path = root / subset / "velodyne" / f"{seq:04d}" / f"{t:06d}.bin"
+        write_scan(path, np.array([[20.0, 0, 0, 0.5], [-20, 0, 0, 0.1]], np.float32))
+
+
+def test_frames_are_known_from_the_last_labelled_one(kitti_folder):
+    root = kitti_folder(ROWS)
+    _add_scans(root, [0, 1])  # scans are not counted
+    sequence = Sequence(root, 0)
+    assert sequence.name == "0000"
+    assert sequence.num_frames == 6
+    assert list(sequence.frames) == [0, 1, 2, 3, 4, 5]
+    assert len(sequence.objects) == 3
+
+
+@pytest.mark.parametrize(
+    "place", ["training/" + SEQMAP + ".training", SEQMAP + ".training", SEQMAP]
+)
+def test_seqmap_comes_first(kitti_folder, place):
+    root = kitti_folder(ROWS)
+    (root / place).write_text("0000 empty 000000 000009\n0007 empty 000000 000001\n")
+    assert Sequence(root, 0).num_frames == 9
+
+
+def test_seqmap_of_the_other_subset_or_sequence_is_not_used(kitti_folder):
+    root = kitti_folder(ROWS)
+    write_seqmap(root, "testing", {0: 20})
+    write_seqmap(root, "training", {3: 20})
+    assert Sequence(root, 0).num_frames == 6
+
+
+def test_labels_beyond_the_seqmap_are_refused(kitti_folder):
+    root = kitti_folder(ROWS)
+    write_seqmap(root, "training", {0: 5})
+    with pytest.raises(InputError, match=r"0000\.txt:3: .*expected 0 to 4"):
+        assert Sequence(root, 0).objects
+
+
+def test_empty_label_file_needs_a_seqmap(kitti_folder):
+    root = kitti_folder([])
+    with pytest.raises(InputError, match="is empty"):
+        assert Sequence(root, 0).num_frames
+    write_seqmap(root, "training", {0: 5})
+    sequence = Sequence(root, 0)
+    assert sequence.num_frames == 5
+    assert len(sequence.objects) == 0
+    assert len(sequence.pairs(scans=False)) == 4
+
+
+def test_a_missing_scan_is_missing_and_breaks_pairs(kitti_folder):
+    root = kitti_folder(ROWS)
+    _add_scans(root, [0, 1, 4, 5])
+    sequence = Sequence(root, 0)
+    assert [t for t in sequence.frames if sequence.has_scan(t)] == [0, 1, 4, 5]
+    assert sequence.pairs() == [(0, 1), (4, 5)]
+    assert sequence.pairs(scans=False) == [(t, t + 1) for t in range(5)]
+    with pytest.raises(InputError, match=r"000002\.bin: cannot be read"):
+        sequence.read_points_level(2)
+
+
+def test_points_come_in_the_level_frame_and_cropped(kitti_folder, calib):
+    root = kitti_folder(ROWS)
+    _add_scans(root, [0])
+    sequence = Sequence(root, 0)
+    points = sequence.read_points_level(0, crop=False)
+    assert (points.dtype, points.shape) == (np.float32, (2, 4))
+    np.testing.assert_allclose(points[0, :3], calib.velo_to_level([[20.0, 0, 0]])[0], rtol=1e-6)
+    np.testing.assert_array_equal(points[:, 3], np.float32([0.5, 0.1]))
+    np.testing.assert_array_equal(sequence.read_points_level(0), points[:1])
+
+
+def test_testing_subset_has_no_labels(kitti_folder):
+    root = kitti_folder(ROWS)
+    (root / "testing").mkdir()
+    sequence = Sequence(root, 0, "testing")
+    assert len(sequence.objects) == 0
+    assert sequence.poses is None
+    with pytest.raises(InputError, match="neither seqmap nor scans"):
+        assert sequence.num_frames
+    _add_scans(root, [0, 3], "testing")
+    assert Sequence(root, 0, "testing").num_frames == 4
+    (root / "testing" / (SEQMAP + ".test")).write_text("0000 empty 000000 000006\n")
+    assert Sequence(root, 0, "testing").num_frames == 6
+
+
+def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
+    root = kitti_folder([label_row(t, 1) for t in range(2)])
+    assert Sequence(root, 0).poses is None
+    (root / "poses").mkdir()
+    # The camera moves 1 m right, 2 m down, 3 m ahead.
+    rows = ["1 0 0 0 0 1 0 0 0 0 1 0", "1 0 0 1 0 1 0 2 0 0 1 3"]
+    (root / "poses" / "0000.txt").write_text("\n".join(rows) + "\n")
+    poses = Sequence(root, 0).poses
+    assert poses.shape == (2, 4, 4)
+    np.testing.assert_allclose(poses[1], [[1, 0, 0, 3], [0, 1, 0, -1], [0, 0, 1, -2], [0, 0, 0, 1]])
+    np.testing.assert_allclose(LEVEL_FROM_CAMERA @ [1.0, 2, 3], [3, -1, -2])
+    (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
+    with pytest.raises(InputError, match="expected 2 rows, found 1"):
+        assert Sequence(root, 0).poses is None
+    (root / "poses" / "0000.txt").write_text("1 2 3\n")
+    with pytest.raises(InputError, match=r":1: expected 12 columns, found 3"):
+        assert Sequence(root, 0).poses is None
+
+
+def test_what_is_not_there(kitti_folder, tmp_path):
+    with pytest.raises(InputError, match="expected a folder training/"):
+        Sequence(tmp_path / "nowhere", 0)
+    root = kitti_folder(ROWS)
+    with pytest.raises(InputError, match=r"0004\.txt: sequence 0004 has no label file"):
+        open_sequences(root, [0, 4])
+    with pytest.raises(InputError, match="subset: expected training or testing"):
+        Sequence(root, 0, "validation")
+    (root / "training" / "label_02" / "0005.txt").mkdir()
+    with pytest.raises(InputError, match="found a directory"):
+        assert Sequence(root, 5).objects
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0000 empty 000000\n", ":1: expected 4 columns, found 3"),
+        ("0000 empty 000001 000005\n", ":1: column 3: expected first frame 0"),
+        ("0000 empty 000000 000000\n", ":1: column 4: expected a number of frames above 0"),
+        ("0000 empty 000000 5\n0000 empty 000000 5\n", ":2: sequence 0000 is there twice"),
+        ("0000 empty 000000 x\n", ":1: column 4: expected a number, found 'x'"),
+    ],
+)
+def test_bad_seqmaps(tmp_path, text, message):
+    (tmp_path / "map").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_seqmap(tmp_path / "map")
+
+
+def test_seqmap_round_trip(tmp_path):
+    frames = {20: 837, 0: 154}
+    assert read_seqmap(write_seqmap(tmp_path, "training", frames)) == frames
+
+
+@pytest.mark.real
+def test_real_sequences(kitti_root):
+    sequences = open_sequences(kitti_root, range(21))
+    assert sum(sequence.num_frames for sequence in sequences) == 8008
+    assert sequences[0].pairs() == [(t, t + 1) for t in range(153)]
+    sizes = [sequence.image_size for sequence in sequences]
+    assert sizes[:1] + sizes[17:] == [
+        (1242, 375),
+        (1224, 370),
+        (1238, 374),
+        (1238, 374),
+        (1241, 376),
+    ]
+    for sequence, (width, height) in zip(sequences, sizes, strict=True):
+        # One interpolated label of 0019 reaches 0.8 pixels beyond the image.
+        assert (sequence.objects.bbox.max(axis=0)[2:] < (width + 1, height + 1)).all()
+        np.testing.assert_allclose(sequence.poses[0], np.eye(4), atol=1e-9)

@@ -1,0 +1,39 @@
+"""Sequence numbers on the command line."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.errors import InputError
+from kitti.splits import TEST, TRAIN, VAL, parse_sequences, sequence_name
+
+
+def test_splits():
+    assert (*TRAIN, *VAL) == tuple(range(21))
+    assert (VAL[0], len(TEST)) == (16, 29)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0016-0020", [16, 17, 18, 19, 20]),
+        ("0000,0003", [0, 3]),
+        ("3, 1-2", [3, 1, 2]),
+        ("0007-0007", [7]),
+    ],
+)
+def test_reads(text, expected):
+    assert parse_sequences(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a", "1,,2", "3-1", "1-2-3", "-1", "1,1", "0-3,2", "00000", "1.5", "٣"]
+)
+def test_refuses(text):
+    with pytest.raises(InputError, match="sequences"):
+        parse_sequences(text)
+
+
+@given(st.lists(st.integers(0, 9999), min_size=1, max_size=20, unique=True))
+def test_names_are_read_back(seqs):
+    assert parse_sequences(",".join(map(sequence_name, seqs))) == seqs
