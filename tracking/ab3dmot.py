@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.iou import giou_3d, iou_3d
 from tracking.assignment import hungarian
 from tracking.box_filter import BoxFilter, Noise
@@ -31,7 +32,7 @@ class Ab3dmotParameters:
 
     def __post_init__(self):
         if self.similarity not in SIMILARITY:
-            raise ValueError(f"expected one of {sorted(SIMILARITY)}, found {self.similarity!r}")
+            raise InputError(f"expected one of {sorted(SIMILARITY)}, found {self.similarity!r}")
 
 
 class Ab3dmot:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.iou import iou_3d
 from tracking.assignment import greedy
@@ -94,6 +95,8 @@ class AssociationToTrajectory:
         if box_displacement is not None:
             ids = np.array([state.label_id for state in states], np.int64)
             mean = np.asarray(box_displacement(boxes, ids), np.float64)
+            if mean.shape != (len(boxes), 3):
+                raise InputError(f"expected box displacement ({len(boxes)}, 3), found {mean.shape}")
         elif points is not None:
             mean = mean_displacement(points, displacement, boxes)
         else:

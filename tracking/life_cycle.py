@@ -21,7 +21,7 @@ class Track:
         score: of the detection matched last.
         detection: row of this frame's detections that was matched, -1 while lost.
         hits: detections matched so far, the first one included.
-        hit_streak: the same since the last miss.
+        hit_streak: matches in a row, up to and including the last one; birth is not a match.
         time_since_update: frames since the last match; 0 if matched in this frame.
         confirmed: whether it has passed the tracker's probation (set by the tracker).
     """
@@ -31,7 +31,7 @@ class Track:
     score: float
     detection: int
     hits: int = 1
-    hit_streak: int = 1
+    hit_streak: int = 0
     time_since_update: int = 0
     confirmed: bool = False
 

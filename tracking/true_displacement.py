@@ -26,12 +26,16 @@ class TrueDisplacement:
 
     def __call__(self, boxes: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(T, 3) metres for the objects with label `ids` (T,); NaN if not in both frames."""
-        before = {int(i): box[:3] for i, box in zip(self.ids_previous, self.boxes_previous)}
-        after = {int(i): box[:3] for i, box in zip(self.ids, self.boxes)}
+        before = _centres(self.boxes_previous, self.ids_previous)
+        after = _centres(self.boxes, self.ids)
         unknown = np.full(3, np.nan)
         return np.array(
             [after[i] - before[i] if i in before and i in after else unknown for i in map(int, ids)]
         ).reshape(-1, 3)
+
+
+def _centres(boxes: np.ndarray, ids: np.ndarray) -> dict[int, np.ndarray]:
+    return {int(i): box[:3] for i, box in zip(ids, boxes, strict=True)}
 
 
 def assign_label_ids(

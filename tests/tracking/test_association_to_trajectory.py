@@ -1,0 +1,156 @@
+"""Algorithm 1: displacement of the points in a box, one-to-one matching, lost objects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.errors import InputError
+from tracking import make_tracker
+from tracking.association_to_trajectory import mean_displacement
+
+CAR = np.array([0.0, 0.0, -1.0, 4.0, 2.0, 1.5, 0.0])
+
+
+def cars(*x: float) -> np.ndarray:
+    return np.array([CAR + np.array([value, 0, 0, 0, 0, 0, 0]) for value in x]).reshape(-1, 7)
+
+
+def step(tracker, boxes, **arguments):
+    tracker.predict()
+    scores = arguments.pop("scores", np.ones(len(boxes)))
+    return tracker.update(boxes, scores, **arguments)
+
+
+def test_mean_displacement_is_over_the_points_in_the_box_alone():
+    points = np.array([[0.0, 0, -1], [1.0, 0.5, -1], [30.0, 0, -1], [0.0, 0, 5.0]])
+    displacement = np.array([[1.0, 0, 0], [2.0, 0.5, 0], [9.0, 9, 9], [8.0, 8, 8]])
+    mean = mean_displacement(points, displacement, cars(0.0, 30.0, 60.0))
+    assert mean[0] == pytest.approx([1.5, 0.25, 0.0])
+    assert mean[1] == pytest.approx([9.0, 9.0, 9.0])
+    assert np.isnan(mean[2]).all()
+
+
+def test_a_point_in_two_boxes_counts_in_both():
+    mean = mean_displacement(np.array([[1.0, 0, -1]]), np.array([[0.5, 0, 0]]), cars(0.0, 2.0))
+    assert mean == pytest.approx(np.array([[0.5, 0, 0], [0.5, 0, 0]]))
+
+
+def test_points_carry_a_box_past_its_own_length():
+    tracker = make_tracker("pointtracknet")
+    step(tracker, cars(0.0))
+    points, displacement = np.array([[0.5, 0, -1]]), np.array([[10.0, 0, 0]])
+    tracks = step(tracker, cars(10.2), points=points, displacement=displacement)
+    assert tracks.ids.tolist() == [0]
+    assert tracks.boxes == pytest.approx(cars(10.2))  # the detection itself, not the moved box
+
+
+def test_without_displacement_the_same_jump_is_a_new_object():
+    tracker = make_tracker("pointtracknet")
+    step(tracker, cars(0.0))
+    assert step(tracker, cars(10.2)).ids.tolist() == [1]
+
+
+def test_conflict_goes_to_the_larger_iou():
+    # both old boxes prefer the new box at 1.0: IoU of a 1.0 m shift 3/5, of a 0.4 m shift 3.6/4.4
+    tracker = make_tracker("pointtracknet", tau=0.1)
+    step(tracker, cars(0.0, 1.4))
+    tracks = step(tracker, cars(1.0))
+    assert tracks.ids.tolist() == [1]
+    # the loser is not dropped: it goes on as lost, and is found again
+    tracks = step(tracker, cars(0.0, 1.4))
+    assert tracks.ids.tolist() == [0, 1]
+    assert tracks.detections.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("shift", "matched"), [(1.9, True), (2.1, False)])
+def test_tau_is_the_least_iou_of_a_match(shift, matched):
+    # shift s along 4 m: IoU (4 - s) / (4 + s); 2.1 / 5.9 = 0.356, 1.9 / 6.1 = 0.311
+    tracker = make_tracker("pointtracknet", tau=1.0 / 3.0)
+    step(tracker, cars(0.0))
+    assert (step(tracker, cars(shift)).ids.tolist() == [0]) == matched
+
+
+def test_lost_object_goes_on_with_its_last_displacement():
+    tracker = make_tracker("pointtracknet", max_age=2)
+    step(tracker, cars(0.0))
+    points, displacement = np.array([[0.0, 0, -1]]), np.array([[5.0, 0, 0]])
+    step(tracker, cars(5.0), points=points, displacement=displacement)
+    nothing = {"points": np.zeros((0, 3)), "displacement": np.zeros((0, 3))}
+    assert len(step(tracker, cars(), **nothing)) == 0
+    assert len(step(tracker, cars(), **nothing)) == 0
+    assert step(tracker, cars(20.0), **nothing).ids.tolist() == [0]
+
+
+def test_lost_object_follows_the_points_still_inside_its_moved_box():
+    tracker = make_tracker("pointtracknet", max_age=2)
+    step(tracker, cars(0.0))
+    there = {"points": np.array([[0.0, 0, -1]]), "displacement": np.array([[3.0, 0, 0]])}
+    step(tracker, cars(), **there)  # lost, now at 3
+    there = {"points": np.array([[3.0, 0, -1]]), "displacement": np.array([[0.0, 6.0, 0]])}
+    found = cars(3.0)
+    found[0, 1] = 6.0
+    assert step(tracker, found, **there).ids.tolist() == [0]
+
+
+def test_lost_object_dies_after_max_age():
+    tracker = make_tracker("pointtracknet", max_age=1)
+    step(tracker, cars(0.0))
+    step(tracker, cars())
+    step(tracker, cars())
+    assert step(tracker, cars(0.0)).ids.tolist() == [1]
+
+
+def test_report_lost_shows_the_moved_box_without_a_detection():
+    tracker = make_tracker("pointtracknet", report_lost=True, max_age=1)
+    step(tracker, cars(0.0))
+    there = {"points": np.array([[0.0, 0, -1]]), "displacement": np.array([[3.0, 0, 0]])}
+    tracks = step(tracker, cars(), **there)
+    assert tracks.boxes == pytest.approx(cars(3.0))
+    assert tracks.detections.tolist() == [-1]
+    assert len(step(tracker, cars(), **there)) == 0
+
+
+def test_probation_and_start_score():
+    tracker = make_tracker("pointtracknet", min_hits=2, min_start_score=0.5)
+    assert len(step(tracker, cars(0.0, 20.0), scores=[0.9, 0.4])) == 0
+    tracks = step(tracker, cars(0.0, 20.0), scores=[0.3, 0.4])
+    assert tracks.ids.tolist() == [0]  # a weak detection may go on, but not start
+    assert tracks.scores.tolist() == [0.3]
+
+
+def test_unknown_box_displacement_falls_back_to_the_last_one():
+    tracker = make_tracker("gt_displacement")
+    step(tracker, cars(0.0), ids=[4])
+    asked = []
+
+    def known(boxes, ids):
+        asked.append(ids.tolist())
+        return np.array([[5.0, 0, 0]])
+
+    step(tracker, cars(5.0), ids=[4], box_displacement=known)
+    unknown = np.full((1, 3), np.nan)
+    tracks = step(tracker, cars(10.0), ids=[4], box_displacement=lambda boxes, ids: unknown)
+    assert tracks.ids.tolist() == [0]
+    assert asked == [[4]]
+
+
+@pytest.mark.parametrize(
+    ("points", "displacement", "message"),
+    [
+        (np.zeros((2, 3)), np.zeros((3, 3)), "displacement"),
+        (np.zeros((2, 3)), np.zeros((2, 2)), "displacement"),
+        (np.full((1, 3), np.nan), np.zeros((1, 3)), "finite points"),
+        (np.zeros((1, 3)), np.full((1, 3), np.inf), "finite displacement"),
+        (np.zeros(3), np.zeros((1, 3)), "points of shape"),
+    ],
+)
+def test_bad_points_are_refused(points, displacement, message):
+    tracker = make_tracker("pointtracknet")
+    with pytest.raises(InputError, match=message):
+        step(tracker, cars(0.0), points=points, displacement=displacement)
+
+
+def test_points_without_displacement_are_refused():
+    with pytest.raises(InputError, match="displacement"):
+        step(make_tracker("pointtracknet"), cars(0.0), points=np.zeros((2, 3)))
