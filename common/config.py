@@ -60,6 +60,8 @@ def _convert(kind: Any, value: Any, name: str, path: str | Path | None) -> Any:
 
 
 def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None) -> Any:
+    if isinstance(value, cls):
+        return value
     if not isinstance(value, dict):
         raise InputError(f"{name}: expected an object, found {value!r}", path)
     hints = typing.get_type_hints(cls)

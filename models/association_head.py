@@ -66,7 +66,7 @@ class AssociationHead(keras.layers.Layer):
             kept[0],
             xyz_previous,
             neighbors,
-            training,
+            training=training,
             query_features=kept[1],
             pair_features=pair,
         )

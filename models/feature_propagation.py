@@ -48,4 +48,4 @@ class FeaturePropagation(keras.layers.Layer):
         x = three_interpolate(projected, indices.neighbors, indices.weights)
         if skip is not None:
             x += self.first.project("skip", skip, training)
-        return self.rest(self.first.finish(x, training), training)
+        return self.rest(self.first.finish(x, training), training=training)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import keras
 import tensorflow as tf
 
+from tf_ops.devices import has_gpu
+from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
+
 EPSILON = 1e-3  # of BatchNorm; Keras's default
 
 
@@ -41,33 +44,35 @@ class BatchNormReLU(keras.layers.Layer):
         scale = self.gamma.value * tf.math.rsqrt(self.moving_variance.value + EPSILON)
         return scale, self.beta.value - self.moving_mean.value * scale
 
-    def call(self, x: tf.Tensor) -> tf.Tensor:
-        """Training: (R, C) -> (R, C), statistics of the batch; moves the averages."""
-        replicas = tf.distribute.get_replica_context()
+    def call(self, x: tf.Tensor, pool: bool = False) -> tf.Tensor:
+        """Training: x (..., C) -> (..., C), by the moments of all rows; moves the averages.
+
+        pool: x is (..., K, C), and the maximum over K is returned, (..., C).
+        """
+        shape, replicas = tf.shape(x), tf.distribute.get_replica_context()
         joint = replicas is not None and replicas.num_replicas_in_sync > 1
-        y, mean, variance = self._joint(x, replicas) if joint else self._single(x)
+        if joint or has_gpu():
+            y, mean, variance = self._plain(tf.reshape(x, [-1, self.channels]), replicas, joint)
+            y = tf.reshape(y, shape)
+            y = tf.reduce_max(y, -2) if pool else y
+        else:
+            op = batch_norm_relu_max if pool else batch_norm_relu
+            rows = tf.reshape(x, [-1, shape[-2], self.channels] if pool else [-1, self.channels])
+            y, mean, variance = op(rows, self.gamma.value, self.beta.value, EPSILON)
+            y = tf.reshape(y, tf.concat([shape[:-2], shape[-1:]], 0) if pool else shape)
         for average, value in ((self.moving_mean, mean), (self.moving_variance, variance)):
             average.assign(self.momentum * average.value + (1 - self.momentum) * value)
-        return tf.nn.relu(y)
+        return y
 
-    def _single(self, x: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-        y, mean, variance, *_ = tf.raw_ops.FusedBatchNormV3(
-            x=x[:, tf.newaxis, tf.newaxis, :],
-            scale=self.gamma.value,
-            offset=self.beta.value,
-            mean=tf.zeros([0]),
-            variance=tf.zeros([0]),
-            epsilon=EPSILON,
-            is_training=True,
-        )
-        return y[:, 0, 0, :], mean, variance
-
-    def _joint(self, x, replicas) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    def _plain(self, x, replicas, joint: bool) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
         moments = tf.stack([tf.reduce_mean(x, 0), tf.reduce_mean(tf.square(x), 0)])
-        mean, square = tf.unstack(replicas.all_reduce(tf.distribute.ReduceOp.MEAN, moments))
+        if joint:
+            moments = replicas.all_reduce(tf.distribute.ReduceOp.MEAN, moments)
+        mean, square = tf.unstack(moments)
         variance = tf.maximum(square - tf.square(mean), 0.0)
         scale = self.gamma.value * tf.math.rsqrt(variance + EPSILON)
-        return x * scale + (self.beta.value - mean * scale), mean, variance
+        y = tf.nn.relu(x * scale + (self.beta.value - mean * scale))
+        return y, mean, variance
 
 
 class LinearNormReLU(keras.layers.Layer):
@@ -95,23 +100,28 @@ class LinearNormReLU(keras.layers.Layer):
 
     def project(self, part: str, x: tf.Tensor, training: bool) -> tf.Tensor:
         """x (..., C_part) -> x W_part (..., width); scaled by the folded BatchNorm at inference."""
-        kernel = self.kernels[part].value
+        kernel = tf.convert_to_tensor(self.kernels[part].value)
         if not training:
-            kernel *= self.norm.scale_shift()[0]
+            kernel = kernel * self.norm.scale_shift()[0]
         shape = tf.shape(x)
         y = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), kernel)
         return tf.reshape(y, tf.concat([shape[:-1], [self.width]], 0))
 
-    def finish(self, y: tf.Tensor, training: bool) -> tf.Tensor:
-        """BatchNorm and ReLU of the sum of projections, (..., width) -> (..., width)."""
-        if not training:
-            return tf.nn.relu(y + self.norm.scale_shift()[1])
-        return tf.reshape(self.norm(tf.reshape(y, [-1, self.width])), tf.shape(y))
+    def finish(self, y: tf.Tensor, training: bool, pool: bool = False) -> tf.Tensor:
+        """BatchNorm and ReLU of the sum of projections, (..., width) -> (..., width).
 
-    def call(self, inputs: dict[str, tf.Tensor], training: bool) -> tf.Tensor:
-        """{part: (..., C_part)} -> (..., width)."""
+        pool: y is (..., K, width), and the maximum over K is returned.
+        """
+        if training:
+            return self.norm(y, pool=pool)
+        if pool:  # adding a bias and ReLU keep the order: once per group is enough
+            y = tf.reduce_max(y, -2)
+        return tf.nn.relu(y + self.norm.scale_shift()[1])
+
+    def call(self, inputs: dict[str, tf.Tensor], training: bool, pool: bool = False) -> tf.Tensor:
+        """{part: (..., C_part)} -> (..., width); pool: the maximum over the last but one axis."""
         parts = [self.project(part, x, training) for part, x in inputs.items()]
-        return self.finish(tf.add_n(parts), training)
+        return self.finish(parts[0] if len(parts) == 1 else tf.add_n(parts), training, pool)
 
 
 def _fresh(initializer: keras.initializers.RandomUniform) -> keras.initializers.RandomUniform:
@@ -131,8 +141,8 @@ class SharedMLP(keras.layers.Layer):
         self.channels = channels
         self.built = True
 
-    def call(self, x: tf.Tensor, training: bool) -> tf.Tensor:
-        """(..., C) -> (..., widths[-1])."""
+    def call(self, x: tf.Tensor, training: bool, pool: bool = False) -> tf.Tensor:
+        """(..., C) -> (..., widths[-1]); with pool (..., K, C) -> (..., widths[-1])."""
         for layer in self.layers:
-            x = layer({"x": x}, training)
+            x = layer({"x": x}, training=training, pool=pool and layer is self.layers[-1])
         return x

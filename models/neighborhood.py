@@ -69,5 +69,6 @@ class NeighborhoodMLP(keras.layers.Layer):
         x = group_point(source, neighbors) - query[:, :, tf.newaxis, :]  # (B, M, K, widths[0])
         if pair_features is not None:
             x += first.project("pair", pair_features, training)
-        x = self.rest(first.finish(x, training), training)
-        return tf.reduce_max(x, axis=2)
+        if not self.rest.layers:
+            return first.finish(x, training, pool=True)
+        return self.rest(first.finish(x, training), training=training, pool=True)

@@ -45,7 +45,7 @@ class SetAbstraction(keras.layers.Layer):
     def call(self, xyz, features, centers, indices: SetAbstractionIndices, training: bool):
         """xyz (B,N,3), features (B,N,C) or None, centers (B,M,3) -> (B, M, self.channels)."""
         pooled = [
-            scale(xyz, features, centers, group, training)
+            scale(xyz, features, centers, group, training=training)
             for scale, group in zip(self.scales, indices.groups, strict=True)
         ]
         return pooled[0] if len(pooled) == 1 else tf.concat(pooled, axis=-1)

@@ -37,6 +37,6 @@ class SetUpconv(keras.layers.Layer):
 
     def call(self, coarse_xyz, coarse_features, fine_xyz, skip, neighbors, training: bool):
         """coarse (B,M,3), (B,M,C); fine_xyz (B,N,3); skip (B,N,S) or None -> (B, N, channels)."""
-        pooled = self.pooling(coarse_xyz, coarse_features, fine_xyz, neighbors, training)
+        pooled = self.pooling(coarse_xyz, coarse_features, fine_xyz, neighbors, training=training)
         inputs = {"pooled": pooled} if skip is None else {"pooled": pooled, "skip": skip}
-        return self.last(inputs, training)
+        return self.last(inputs, training=training)

@@ -138,8 +138,7 @@ class Tracker(keras.Model):
         """Two frames -> displacement (B, N', 3); both are encoded as one batch."""
         both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(previous, current, strict=True)))
         encoded = self.encode(both, training)
-        halves = tf.nest.map_structure(lambda x: tf.split(x, 2, axis=0), encoded)
-        first, second = (
-            tf.nest.map_structure_up_to(encoded, lambda pair, i=i: pair[i], halves) for i in (0, 1)
-        )
+        batch = tf.shape(previous.xyz)[0]
+        first = tf.nest.map_structure(lambda x: x[:batch], encoded)
+        second = tf.nest.map_structure(lambda x: x[batch:], encoded)
         return self.displacement(first, second, training)

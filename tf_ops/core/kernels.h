@@ -8,6 +8,18 @@
 
 namespace ptn {
 
+// Per channel: y = relu(scale * x + shift).
+struct Affine {
+  const float* scale;
+  const float* shift;
+};
+
+// Per channel: slope * x + offset, the part of a gradient that comes through the moments.
+struct GradAffine {
+  const float* slope;
+  const float* offset;
+};
+
 // A batch of clouds: `batch` clouds of `size` points, x y z each.
 struct Clouds {
   const float* xyz;
@@ -32,6 +44,22 @@ struct Kernels {
   // The k smallest of each of `rows` rows of `columns` values, smallest first. Needs columns >= 1.
   void (*select_top_k)(const float* values, int64_t rows, int64_t columns, int32_t k,
                        float* smallest, int32_t* index, const Parallel&);
+
+  // Batch normalisation of rows of channels: see normalization/batch_norm.h.
+  void (*column_moments)(const float* x, int64_t rows, int64_t channels, float* mean,
+                         float* variance, const Parallel&);
+  void (*affine_relu)(const float* x, Affine, int64_t rows, int64_t channels, float* y,
+                      const Parallel&);
+  void (*grad_sums)(const float* grad, const float* x, Affine, const float* mean, int64_t rows,
+                    int64_t channels, double* total, const Parallel&);
+  void (*affine_relu_grad)(const float* grad, const float* x, Affine, GradAffine, int64_t rows,
+                           int64_t channels, float* out, const Parallel&);
+  void (*moments_and_extremes)(const float* x, const float* sign, int64_t groups, int64_t size,
+                               int64_t channels, float* mean, float* variance, float* best,
+                               int32_t* place, const Parallel&);
+  void (*pooled_grad)(const float* x, const float* spike, const int32_t* place, GradAffine,
+                      int64_t groups, int64_t size, int64_t channels, float* out,
+                      const Parallel&);
 };
 
 // The table for this processor; chosen once.

@@ -5,12 +5,6 @@
 
 constexpr int64_t kBlock = 256;
 
-// Per channel: y = relu(scale * x + shift).
-struct Affine {
-  const float* scale;
-  const float* shift;
-};
-
 // Adds up `kSums` rows of channel sums over the blocks of all rows, in order, in float64.
 // add(begin, end, sums) adds the rows [begin, end) to the float32 sums (kSums * channels).
 template <int kSums, class Add>
@@ -106,12 +100,7 @@ inline void grad_sums(const float* grad, const float* x, Affine a, const float* 
                 });
 }
 
-// The gradient of x is scale * (grad through the ReLU) + slope * x + offset, per channel.
-struct GradAffine {
-  const float* slope;
-  const float* offset;
-};
-
+// out = scale * (grad through the ReLU) + slope * x + offset, per channel.
 inline void grad_row(const float* __restrict grad, const float* __restrict x, Affine a,
                      GradAffine b, int64_t channels, float* __restrict out) {
   const float* __restrict scale = a.scale;
