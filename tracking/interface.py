@@ -55,6 +55,7 @@ class Tracker(Protocol):
         box_displacement: BoxDisplacement | None = None,
         appearance: np.ndarray | None = None,
         ego_motion: np.ndarray | None = None,
+        image_boxes: np.ndarray | None = None,
         ids: np.ndarray | None = None,
         frame: int | None = None,
     ) -> Tracks:
@@ -71,6 +72,8 @@ class Tracker(Protocol):
                 their movement to t (T, 3), NaN where unknown; instead of points (Algorithm 1).
             appearance: (M, C), a row of zeros for a box without one (DEEP_SORT).
             ego_motion: (4, 4) takes level-frame coordinates of t-1 to those of t (AB3DMOT).
+            image_boxes: (M, 4) x1, y1, x2, y2 in pixels, NaN outside the image (SORT in image
+                space).
             ids: (M,) label ids of the boxes, -1 for none; only handed to `box_displacement`.
             frame: number of the frame, for error messages.
         """

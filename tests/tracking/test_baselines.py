@@ -106,3 +106,42 @@ def test_bad_ego_motion_is_refused():
         step(make_tracker("ab3dmot"), cars(0.0), ego_motion=np.eye(3))
     with pytest.raises(InputError, match="finite ego_motion"):
         step(make_tracker("ab3dmot"), cars(0.0), ego_motion=np.full((4, 4), np.nan))
+
+
+def image_boxes(*x: float) -> np.ndarray:
+    return np.array([[100.0 + v, 50.0, 140.0 + v, 80.0] for v in x]).reshape(-1, 4)
+
+
+def test_sort_in_image_space_follows_the_image_boxes_alone():
+    tracker = make_tracker("sort", space="image")
+    step(tracker, cars(0.0), image_boxes=image_boxes(0.0))
+    # far away in space, next to it in the image: 20 pixels of 40 are IoU 1/3
+    tracks = step(tracker, cars(40.0), image_boxes=image_boxes(20.0))
+    assert tracks.ids.tolist() == [0]
+    assert tracks.boxes == pytest.approx(cars(40.0))
+    assert step(tracker, cars(40.0), image_boxes=image_boxes(400.0)).ids.tolist() == [1]
+
+
+def test_sort_in_image_space_leaves_out_boxes_outside_the_image():
+    tracker = make_tracker("sort", space="image")
+    outside = np.full((1, 4), np.nan)
+    tracks = step(tracker, cars(0.0, 9.0), image_boxes=np.vstack([outside, image_boxes(0.0)]))
+    assert tracks.detections.tolist() == [1]
+    assert len(step(tracker, cars(), image_boxes=image_boxes())) == 0
+
+
+def test_image_filter_learns_a_constant_motion_and_growth():
+    tracker = make_tracker("sort", space="image")
+    for t in range(30):
+        box = np.array([[100.0 + 3 * t, 50.0 + t, 140.0 + 3 * t, 80.0 + t]])
+        tracks = step(tracker, cars(0.0), image_boxes=box)
+    tracker.predict()
+    assert tracks.ids.tolist() == [0]
+    assert tracker.life.tracks[0].state.box == pytest.approx(box[0] + [3, 1, 3, 1], abs=0.05)
+
+
+def test_sort_in_image_space_needs_image_boxes():
+    with pytest.raises(InputError, match=r"expected image_boxes \(1, 4\), found \(\)"):
+        step(make_tracker("sort", space="image"), cars(0.0))
+    with pytest.raises(InputError, match="space: expected one of level, image"):
+        make_tracker("sort", space="bev")
