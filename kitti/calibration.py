@@ -91,6 +91,14 @@ def _apply(matrix: np.ndarray, xyz: np.ndarray) -> np.ndarray:
     return np.asarray(xyz, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def is_rotation(matrices: np.ndarray) -> np.ndarray:
+    """Whether (..., 3, 3) matrices are rotations, up to the rounding of a text file."""
+    matrices = np.asarray(matrices, np.float64)
+    product = matrices @ np.swapaxes(matrices, -1, -2)
+    orthonormal = np.abs(product - np.eye(3)).max(axis=(-1, -2)) <= _ROTATION_TOLERANCE
+    return orthonormal & (np.linalg.det(matrices) > 0)
+
+
 def read_calibration(path: str | Path) -> Calibration:
     """Reads `calib/00XX.txt`; keys with or without colon, in either of KITTI's spellings.
 
@@ -131,11 +139,7 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise InputError(f"{name}: expected positive focal lengths", path, line)
         return matrix
-    rotation = matrix[:, :3]
-    if (
-        np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE
-        or np.linalg.det(rotation) < 0
-    ):
+    if not is_rotation(matrix[:, :3]):
         raise InputError(f"{name}: its left 3x3 block is not a rotation", path, line)
     return matrix
 

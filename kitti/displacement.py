@@ -20,10 +20,8 @@ from kitti.iou import iou_bev_pairs
 from kitti.objects import Objects
 
 LENGTHS = ("uniform", "per_axis")
-DEFAULT_LENGTH = "uniform"
-"""The reading that is used unless another one is asked for."""
-DEFAULT_HOLD = False
-"""Whether an object keeps its shift over all frames, unless asked for otherwise."""
+DEFAULT_READING = ("uniform", False)
+"""(length, hold) unless another reading is asked for."""
 
 _HELD = -1  # stands for the frame number where the shift is held
 
@@ -41,8 +39,8 @@ class DisplacementModel:
 
     distance: float
     seed: int = 0
-    length: str = DEFAULT_LENGTH
-    hold: bool = DEFAULT_HOLD
+    length: str = DEFAULT_READING[0]
+    hold: bool = DEFAULT_READING[1]
 
     def __post_init__(self):
         if not (np.isfinite(self.distance) and self.distance >= 0):

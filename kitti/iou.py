@@ -9,6 +9,9 @@ import shapely
 
 from kitti.boxes import box_corners
 
+_GRID_M = 1e-10  # far below any label's precision, far above float64's rounding at 100 m
+_TOUCH_M2 = 1e-9  # boxes that touch share at most a sliver that comes from the grid
+
 
 def iou_3d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Intersection over union of volumes: (M, 7), (K, 7) -> (M, K) float64 in [0, 1].
@@ -104,10 +107,20 @@ def _footprint(boxes: np.ndarray, centre: np.ndarray) -> np.ndarray:
 
 
 def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Area (P,) that both footprints cover, in square metres.
+
+    GEOS (seen with 3.14.1) finds no intersection at all for up to one in 100 pairs whose edges lie
+    on the same lines up to rounding. With coordinates snapped to a fine grid it does, so pairs
+    without an intersection are asked again in that way.
+    """
     if not len(a):
         return np.zeros(0)
     of_a, of_b = (shapely.polygons(_footprint(boxes, a)) for boxes in (a, b))
-    return shapely.area(shapely.intersection(of_a, of_b))
+    area = shapely.area(shapely.intersection(of_a, of_b))
+    none = np.flatnonzero(area == 0)
+    again = shapely.area(shapely.intersection(of_a[none], of_b[none], grid_size=_GRID_M))
+    area[none] = np.where(again > _TOUCH_M2, again, 0.0)
+    return area
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -26,6 +26,8 @@ __all__ = [
 LABEL_COLUMNS = 17
 RESULT_COLUMNS = 18
 DETECTION_COLUMNS = 15
+MAX_FRAMES = 10**6
+"""Frame numbers have six digits in KITTI's file names."""
 DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 """Type numbers of AB3DMOT's detection files."""
 
@@ -140,9 +142,9 @@ def _objects(table: Table, num_frames: int | None) -> Objects:
 def _frames(table: Table, num_frames: int | None) -> np.ndarray:
     frame = table.integers(0, "frame number")
     table.refuse(frame < 0, "column 1: expected a frame number >= 0")
-    if num_frames is not None:
-        beyond = f"column 1: frame beyond the sequence, expected 0 to {num_frames - 1}"
-        table.refuse(frame >= num_frames, beyond)
+    limit = MAX_FRAMES if num_frames is None else num_frames
+    beyond = f"column 1: frame beyond the sequence, expected 0 to {limit - 1}"
+    table.refuse(frame >= limit, beyond)
     return frame
 
 

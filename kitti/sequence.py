@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, read_calibration
+from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
 from kitti.image_size import image_size_of
 from kitti.labels import read_labels
 from kitti.objects import Objects
@@ -142,6 +142,7 @@ class Sequence:
         turn[:3, :3] = LEVEL_FROM_CAMERA
         poses = np.tile(np.eye(4), (len(table), 1, 1))
         poses[:, :3] = table.numbers(0, 12).reshape(-1, 3, 4)
+        table.refuse(~is_rotation(poses[:, :3, :3]), "its 3x3 block is not a rotation")
         return turn @ poses @ turn.T
 
 

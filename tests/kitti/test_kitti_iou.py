@@ -92,6 +92,21 @@ def test_turning_by_half_a_turn_changes_nothing(a, b):
     np.testing.assert_allclose(iou_3d(turned[None], b[None]), iou_3d(a[None], b[None]), atol=1e-9)
 
 
+@pytest.mark.parametrize(("along", "turn"), [(0, 0), (0.1, 0), (None, 0), (0, np.pi)])
+def test_edges_on_the_same_lines(along, turn):
+    """Same width and heading, other length: GEOS's intersection is empty for some of these."""
+    n, rng = 3000, np.random.default_rng(1)
+    a = np.column_stack([np.zeros((n, 3)), rng.uniform(1.4, 5, (n, 3)), rng.uniform(-3, 3, n)])
+    b = a.copy()
+    b[:, 3] *= 1.3
+    b[:, 6] += turn
+    shift = 0.15 * a[:, 3] if along is None else along  # None: the rear edges coincide as well
+    b[:, 0] += shift * np.cos(a[:, 6])
+    b[:, 1] += shift * np.sin(a[:, 6])
+    np.testing.assert_allclose(iou_3d_pairs(a, b), 1 / 1.3, atol=1e-9)
+    np.testing.assert_allclose(iou_bev_pairs(b, a), 1 / 1.3, atol=1e-9)
+
+
 @settings(max_examples=15)
 @given(boxes, boxes)
 def test_against_random_points(a, b):

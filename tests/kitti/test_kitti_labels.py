@@ -166,6 +166,7 @@ BAD_ROWS = [
     (_changed(1, "-1"), "column 1: expected a frame number >= 0"),
     (_changed(1, "1.5"), "column 1: expected an integer frame number"),
     (_changed(1, "99999999999"), "column 1: expected an integer frame number"),
+    (_changed(1, "1000000"), "column 1: frame beyond the sequence, expected 0 to 999999"),
     (_changed(1, "x"), "column 1: expected a number, found 'x'"),
     (_changed(2, "-1"), "column 2: expected a track id >= 0"),
     (_changed(2, "a"), "column 2: expected a number"),

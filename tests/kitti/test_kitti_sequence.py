@@ -110,6 +110,9 @@ def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     assert poses.shape == (2, 4, 4)
     np.testing.assert_allclose(poses[1], [[1, 0, 0, 3], [0, 1, 0, -1], [0, 0, 1, -2], [0, 0, 0, 1]])
     np.testing.assert_allclose(LEVEL_FROM_CAMERA @ [1.0, 2, 3], [3, -1, -2])
+    (root / "poses" / "0000.txt").write_text(rows[0] + "\n" + rows[1].replace("1", "2") + "\n")
+    with pytest.raises(InputError, match=r":2: its 3x3 block is not a rotation"):
+        assert Sequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
     with pytest.raises(InputError, match="expected 2 rows, found 1"):
         assert Sequence(root, 0).poses is None
