@@ -15,6 +15,7 @@ from common import flags
 from common.errors import InputError
 from evaluation.config import (
     GROUND_TRUTH,
+    NETWORK,
     TRACKERS,
     EvaluateConfig,
     parse_names,
@@ -37,8 +38,9 @@ def make_parser() -> flags.ArgumentParser:
     add("--subset", default="training", help="training or testing (which has no labels)")
     add("--seqs", help="such as 0016-0020 or 0000,0003 (default: 0016-0020; testing: all)")
     add("--classes", default=",".join(VEHICLES), help="classes tracked; both sides in clear3d")
-    add("--detections", help=f"{GROUND_TRUTH} or a folder of detections (default: {GROUND_TRUTH})")
+    add("--detections", help=f"{GROUND_TRUTH}, {NETWORK} or a folder (default: {GROUND_TRUTH})")
     add("--tracker", help=f"one of {', '.join(TRACKERS)} (default: {TRACKERS[0]})")
+    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
     add("--results", type=Path, help="evaluate the result files of this folder, run no tracker")
     add("--displacement", type=flags.non_negative_float, default=0.0, help="metres, at most")
     add("--seed", type=flags.non_negative_int, default=0, help="of the displacement")
@@ -64,6 +66,7 @@ def parse_config(argv: Sequence[str] | None = None) -> EvaluateConfig:
         classes=parse_names(args.classes),
         detections=args.detections or GROUND_TRUTH,
         tracker=args.tracker or TRACKERS[0],
+        weights=args.weights,
         results=args.results,
         displacement=args.displacement,
         seed=args.seed,

@@ -14,7 +14,8 @@ from kitti.splits import TEST, VAL
 from metrics.protocols import BEST, PROTOCOLS
 
 GROUND_TRUTH = "gt"
-TRACKERS = ("gt_displacement", "sort", "deep_sort", "ab3dmot")
+NETWORK = "network"
+TRACKERS = ("gt_displacement", "sort", "deep_sort", "ab3dmot", "pointtracknet")
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,9 @@ class EvaluateConfig:
         subset: "training" or "testing" (no labels: only result files are written).
         seqs: sequence numbers; None for the paper's validation split, or all of testing.
         classes: what is tracked, and what `clear3d` is limited to on both sides.
-        detections: "gt", or a folder of detections in AB3DMOT's layout.
+        detections: "gt", "network", or a folder of detections in AB3DMOT's layout.
         tracker: one of `TRACKERS`.
+        weights: folder with detector.npz and tracker.npz, where the networks are needed.
         results: folder of result files to be evaluated; no tracker runs then.
         displacement: every object is shifted by up to this many metres (section IV.D).
         seed: of the displacement.
@@ -43,6 +45,7 @@ class EvaluateConfig:
     classes: tuple[str, ...] = VEHICLES
     detections: str = GROUND_TRUTH
     tracker: str = "gt_displacement"
+    weights: Path = Path("weights")
     results: Path | None = None
     displacement: float = 0.0
     seed: int = 0
@@ -74,7 +77,9 @@ class EvaluateConfig:
         if self.results is not None:
             raise InputError("--subset testing has no labels: --results cannot be evaluated")
         if self.detections == GROUND_TRUTH:
-            raise InputError("--subset testing has no labels: --detections needs a folder")
+            raise InputError(
+                f"--subset testing has no labels: --detections is {NETWORK} or a folder"
+            )
         if self.tracker == "gt_displacement":
             raise InputError("--subset testing has no labels: choose another --tracker")
         if self.displacement:
@@ -87,6 +92,13 @@ class EvaluateConfig:
                 f"--displacement moves objects away from their image: {','.join(in_image)} "
                 "cannot be evaluated, only clear3d"
             )
+
+    @property
+    def needs_network(self) -> bool:
+        """Whether the networks run: for their boxes or for their displacement."""
+        return self.results is None and (
+            self.detections == NETWORK or self.tracker == "pointtracknet"
+        )
 
     def record(self) -> dict[str, Any]:
         """The fields as JSON-ready values."""

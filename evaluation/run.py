@@ -13,7 +13,7 @@ from common.errors import InputError
 from common.files import write_json, write_text
 from common.progress import Progress
 from common.provenance import provenance
-from evaluation.config import GROUND_TRUTH, EvaluateConfig
+from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.scene import Scene
 from evaluation.sources import BoxSource, DetectionFiles, GroundTruthBoxes, check_folder
 from evaluation.table import full_table
@@ -71,10 +71,17 @@ def score(
 
 
 def make_source(config: EvaluateConfig, scenes: list[Scene]) -> BoxSource:
-    """The box source that `--detections` names."""
+    """The box source that `--detections` names, with the networks' view where it is needed."""
+    source = None
     if config.detections == GROUND_TRUTH:
-        return GroundTruthBoxes(config.classes)
-    return DetectionFiles(config.detections, scenes, config.classes)
+        source = GroundTruthBoxes(config.classes)
+    elif config.detections != NETWORK:
+        source = DetectionFiles(config.detections, scenes, config.classes)
+    if not config.needs_network:
+        return source
+    from evaluation.network import NetworkBoxes  # TensorFlow only where it is needed
+
+    return NetworkBoxes.load(config.weights, source)
 
 
 def run_tracker(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Objects]:
