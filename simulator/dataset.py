@@ -9,26 +9,29 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
 from common.errors import InputError
-from common.files import write_json
+from common.files import write_bytes, write_json
 from common.progress import Progress
 from kitti.calibration import Calibration
+from kitti.labels import write_labels
+from kitti.objects import Objects
 from kitti.scans import write_scan
 from kitti.splits import sequence_name
 from simulator import VERSION
 from simulator.config import RETURNS, SENSOR, SIZES
 from simulator.frames import Options, ego_velocity, take_sweep
-from simulator.scan import Scene
+from simulator.scan import Scene, Sweep
 
 MANIFEST = "manifest.json"
-STRETCH = 24  # frames a job: short enough for a steady progress bar
+STRETCH = 200  # most frames a job: each process builds the worlds of its jobs
 
 
 class World(Protocol):
@@ -40,6 +43,9 @@ class World(Protocol):
 
     def scene(self, frame: int, motion: bool) -> Scene:
         """The scene of `frame`."""
+
+    def labels(self, frame: int, sweep: Sweep) -> Objects | None:
+        """Label rows of `frame`; None if `write_texts` writes the labels."""
 
     def write_texts(self, root: Path, name: str, frames: int) -> None:
         """Writes labels, calibration, oxts and what else is known, for the first `frames`."""
@@ -80,6 +86,16 @@ def scan_path(root: Path, seq: int, frame: int) -> Path:
     return root / "training" / "velodyne" / sequence_name(seq) / f"{frame:06d}.bin"
 
 
+def part_path(root: Path, seq: int, frame: int) -> Path:
+    """Where one frame's labels wait until all frames of the sequence are there."""
+    return root / ".parts" / sequence_name(seq) / f"{frame:06d}.txt"
+
+
+def label_path(root: Path, seq: int) -> Path:
+    """Where labels go in KITTI's layout."""
+    return root / "training" / "label_02" / f"{sequence_name(seq)}.txt"
+
+
 def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> bool:
     """Makes or completes the data set in `root`; False if it was there already, complete.
 
@@ -97,8 +113,13 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
     todo = sum(len(frames) for _, frames in jobs)
     processes = min(processes or len(os.sched_getaffinity(0)), max(len(jobs), 1))
     with Progress(total, "simulating", "frames", initial=total - todo) as bar:
-        for done in _run(plan, root, jobs, processes):
-            bar.update(done)
+        for _ in _run(plan, root, jobs, processes):
+            bar.update(todo - _left(root, jobs) - (bar.done - bar.initial))
+    for seq, count in plan.frames.items():
+        if not label_path(root, seq).is_file():
+            parts = (part_path(root, seq, frame).read_bytes() for frame in range(count))
+            write_bytes(label_path(root, seq), b"".join(parts))
+    shutil.rmtree(root / ".parts", ignore_errors=True)
     write_json(root / MANIFEST, {**manifest, "complete": True})
     return True
 
@@ -138,36 +159,56 @@ def _missing(plan: Plan, root: Path) -> bool:
 
 def _jobs(plan: Plan, root: Path) -> list[tuple[int, list[int]]]:
     """(sequence, frames without scan); an empty list of frames still writes the text files."""
+    cores = len(os.sched_getaffinity(0))
     jobs = []
     for seq, count in plan.frames.items():
-        rest = [frame for frame in range(count) if not scan_path(root, seq, frame).is_file()]
-        parts = [rest[first : first + STRETCH] for first in range(0, len(rest), STRETCH)]
+        labelled = label_path(root, seq).is_file() or plan.driver == "labels"
+        rest = [
+            frame
+            for frame in range(count)
+            if not scan_path(root, seq, frame).is_file()
+            or not (labelled or part_path(root, seq, frame).is_file())
+        ]
+        share = STRETCH if len(plan.frames) >= 2 * cores else -(-len(rest) // cores)
+        size = max(min(STRETCH, share), 1)
+        parts = [rest[first : first + size] for first in range(0, len(rest), size)]
         jobs += [(seq, part) for part in parts or [[]]]
-    return jobs
+    return sorted(jobs, key=lambda job: -len(job[1]))
 
 
-def _run(plan: Plan, root: Path, jobs, processes: int):
+def _left(root: Path, jobs) -> int:
+    """Frames of `jobs` whose scan is not there yet."""
+    return sum(not scan_path(root, seq, frame).is_file() for seq, rest in jobs for frame in rest)
+
+
+def _run(plan: Plan, root: Path, jobs, processes: int) -> Iterator[None]:
+    """Runs the jobs; yields now and then, so that progress can be shown."""
     if processes == 1:
         for seq, frames in jobs:
-            yield _work(plan, root, seq, frames)
+            for first in range(0, max(len(frames), 1), 10):
+                _work(plan, root, seq, frames[first : first + 10])
+                yield
         return
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"  # the processes share the cores; their matrices are small
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, mp_context=context) as pool:
-        futures = [pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs]
+        waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
         try:
-            for future in as_completed(futures):
-                yield future.result()
+            while waiting:
+                done, waiting = wait(waiting, timeout=2.0, return_when=FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                yield
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 
 
-def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> int:
+def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> None:
     world = _world(json.dumps(asdict(plan), sort_keys=True), seq)
     name = sequence_name(seq)
-    if not frames or frames[0] == 0 or not _texts_there(root, name):
+    if not frames or frames[0] == 0 or not (root / "training" / "calib" / f"{name}.txt").is_file():
         world.write_texts(root / "training", name, plan.frames[seq])
     for frame in frames:
         result = take_sweep(
@@ -178,13 +219,10 @@ def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> int:
             (plan.seed, seq, frame),
             ego_velocity(world.poses, frame, SENSOR.period_s),
         )
+        rows = world.labels(frame, result)
+        if rows is not None:
+            write_labels(part_path(root, seq, frame), rows)
         write_scan(scan_path(root, seq, frame), result.points)
-    return len(frames)
-
-
-def _texts_there(root: Path, name: str) -> bool:
-    folders = (root / "training" / folder for folder in ("label_02", "calib", "oxts"))
-    return all((folder / f"{name}.txt").is_file() for folder in folders)
 
 
 @lru_cache(maxsize=2)

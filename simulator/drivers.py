@@ -11,9 +11,10 @@ from common.files import write_bytes
 from kitti.sequence import Sequence
 from simulator.config import SENSOR
 from simulator.dataset import Builder, Plan
+from simulator.drive import DriveWorld, drive
 from simulator.oxts import write_oxts
 from simulator.replay import Replay, replay
-from simulator.scan import Scene
+from simulator.scan import Scene, Sweep
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ class LabelWorld:
         """The scene of `frame`."""
         return self.replay.scene(frame, motion)
 
+    def labels(self, frame: int, sweep: Sweep) -> None:
+        """None: the source's labels are copied."""
+
     def write_texts(self, root: Path, name: str, frames: int) -> None:
         """Copies calibration, and of labels and poses the lines of the first `frames`, byte for
         byte; writes oxts from the poses."""
@@ -64,4 +68,8 @@ def _from_labels(plan: Plan, seq: int) -> LabelWorld:
     return LabelWorld(sequence, replay(sequence, rng))
 
 
-DRIVERS: dict[str, Builder] = {"labels": _from_labels}
+def _own_traffic(plan: Plan, seq: int) -> DriveWorld:
+    return drive(plan.frames[seq], np.random.default_rng((plan.seed, seq, 2**21)))
+
+
+DRIVERS: dict[str, Builder] = {"labels": _from_labels, "traffic": _own_traffic}

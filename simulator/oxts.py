@@ -25,7 +25,7 @@ def oxts_lines(poses, period_s: float) -> list[str]:
     pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1, 1))
     yaw = np.unwrap(np.arctan2(turn[:, 1, 0], turn[:, 0, 0]))
     velocity, rates = _rate(place, period_s), _rate(np.stack([roll, pitch, yaw], 1), period_s)
-    acceleration = _rate(velocity, period_s) + [0.0, 0.0, GRAVITY]
+    acceleration = _rate(velocity, period_s) + np.array([0.0, 0.0, GRAVITY])
     own = np.einsum("fij,fi->fj", turn, velocity)
     own_acceleration = np.einsum("fij,fi->fj", turn, acceleration)
     scale = np.cos(np.radians(START[0]))

@@ -35,7 +35,8 @@ def sitting(size, rng) -> Body:
     low = -height / 2
     cloth = float(rng.uniform(0.1, 0.7))
     parts = [
-        Part(block((-0.2 * length, 0, low + 0.6 * height), (0.3, 0.8 * width, 0.45 * height)), cloth),
+        Part(block((-0.2 * length, 0, low + 0.6 * height), (0.3, 0.8 * width, 0.45 * height)),
+             cloth),
         Part(block((0.05, 0, low + 0.38 * height), (0.8 * length, 0.7 * width, 0.16)), cloth),
         Part(block((0.35 * length, 0, low + 0.17 * height), (0.15, 0.6 * width, 0.34 * height)),
              cloth),
@@ -59,7 +60,8 @@ def cyclist(size, rng) -> Body:
         Part(wheel(half - radius, 0, low + radius, radius, 0.05), STEEL, porosity=0.65),
         Part(wheel(radius - half, 0, low + radius, radius, 0.05), STEEL, porosity=0.65),
         Part(block((0, 0, low + 0.6), (0.9 * half, 0.06, 0.35)), STEEL, porosity=0.5),
-        Part(block((0.5 * half, 0, low + 0.62 * height), (0.06, max(width - 0.06, 0.3), 0.08)), STEEL),
+        Part(block((0.5 * half, 0, low + 0.62 * height), (0.06, max(width - 0.06, 0.3), 0.08)),
+             STEEL),
         Part(torso, cloth),
         Part(column(0.1, 0.11, low + 0.25, seat, 0.11, 0.07), cloth),
         Part(column(0.0, -0.11, low + 0.1, seat, 0.11, 0.07), cloth),

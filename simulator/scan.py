@@ -137,7 +137,7 @@ def _cast(scene: Scene, index, box, body, rays: Rays, window, rng, returns):
     along = (local_origin * local).sum(axis=1)
     near = np.flatnonzero((local_origin**2).sum(axis=1) - along**2 < radius2)
     hits = cast_body(body, local_origin[near], local[near], rng, returns)
-    beams, columns = direction.shape[:2]
+    columns = direction.shape[1]
     where = (near // columns + window[0].start, near % columns + window[1].start)
     return hits, where
 

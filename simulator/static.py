@@ -21,8 +21,8 @@ REACH = 85.0  # shapes beyond it (metres) are not looked at
 class Columns:
     """Rays of one sweep in the world, column by column.
 
-    origin (C, 2) and heading (C, 2) unit, f32; height (B,) of the origins, to the centimetre; slope (B, C) dz/dr;
-    stretch (B, C) length along the ray per horizontal metre.
+    origin (C, 2) and heading (C, 2) unit, f32; height (B,) of the origins, to the
+    centimetre; slope (B, C) dz/dr; stretch (B, C) length along the ray per horizontal metre.
     """
 
     origin: np.ndarray

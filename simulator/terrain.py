@@ -26,9 +26,9 @@ class Terrain:
         self.raised = Grid(low, high, FINE_CELL)
         self.raised.values[:] = kerb
 
-    def mark_road(self, xy) -> None:
-        """The cells of these points (n, 2) are road: no kerb there."""
-        self.raised.mark(xy, 0.0)
+    def mark_road(self, xy, height: float = 0.0) -> None:
+        """The cells of these points (n, 2) are road: no kerb, but `height` metres of crown."""
+        self.raised.mark(xy, height)
 
     def add_bumps(self, rng, amplitude: float, sigma: float) -> None:
         """Adds smooth random hills of `amplitude` metres (standard deviation)."""

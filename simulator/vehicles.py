@@ -69,8 +69,8 @@ def car(size, rng, style: str | None = None) -> Body:
          corner_planes(half, -half, side, 0.24 * width)]
     )  # fmt: skip
     roof = [
-        at(cowl_x - 0.01, cowl_z - 0.02), at(roof_x, 1.0)[:1] + (top,),
-        at(roof_end, 1.0)[:1] + (top - 0.04,), at(tail_x, tail_z - 0.02),
+        at(cowl_x - 0.01, cowl_z - 0.02), (at(roof_x, 1.0)[0], top),
+        (at(roof_end, 1.0)[0], top - 0.04), at(tail_x, tail_z - 0.02),
     ]  # fmt: skip
     cabin = np.vstack([profile_planes(roof), side_planes(side - 0.01, low + 0.6 * height, 0.28)])
     belt_z = low + cowl_z * height + 0.03
@@ -101,7 +101,8 @@ def van(size, rng) -> Body:
     ]  # fmt: skip
     bonnet = [
         (half - 0.05, low + 0.2), (half, low + 0.3 * height), (half - 0.05, low + 0.44 * height),
-        (screen, low + 0.55 * height), (screen - 0.2, low + 0.55 * height), (screen - 0.2, low + 0.2),
+        (screen, low + 0.55 * height), (screen - 0.2, low + 0.55 * height),
+        (screen - 0.2, low + 0.2),
     ]  # fmt: skip
     sides = side_planes(side, low + 0.45 * height, 0.05)
     corners = corner_planes(half, -half, side, 0.22 * width)
