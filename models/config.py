@@ -12,7 +12,7 @@ Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_produc
 FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
 
 
-def _note(default, text: str):
+def note(default, text: str):
     return field(default=default, metadata={"help": text})
 
 
@@ -53,9 +53,9 @@ def multi_scale(layer: SetAbstractionConfig) -> SetAbstractionConfig:
 class BoxCodingConfig:
     """Heading bins, size templates and classes of the detector's head (Frustum PointNets)."""
 
-    num_heading_bins: int = _note(12, "NH (Frustum PointNets)")
-    classes: tuple[str, ...] = _note(("Car", "Van"), "NC semantic classes: the paper's vehicles")
-    size_templates: tuple[tuple[float, float, float], ...] = _note(
+    num_heading_bins: int = note(12, "NH (Frustum PointNets)")
+    classes: tuple[str, ...] = note(("Car", "Van"), "NC semantic classes: the paper's vehicles")
+    size_templates: tuple[tuple[float, float, float], ...] = note(
         ((3.902, 1.620, 1.517), (4.935, 1.866, 2.167)),
         "NS templates (l, w, h) in metres: means over the labels of sequences 0001-0015",
     )
@@ -65,12 +65,12 @@ class BoxCodingConfig:
 class DetectorConfig:
     """The detector's rows of Table I."""
 
-    num_points: int = _note(15000, "N (section IV.B)")
-    point_features: Literal["none", "height", "height+range"] = _note(
+    num_points: int = note(15000, "N (section IV.B)")
+    point_features: Literal["none", "height", "height+range"] = note(
         "height+range",
         "features made from the coordinates of a point; none = the plain N x 3 input",
     )
-    set_abstraction: tuple[SetAbstractionConfig, ...] = _note(
+    set_abstraction: tuple[SetAbstractionConfig, ...] = note(
         (
             _sa(2048, 1.0, 32, 32, 64),
             _sa(512, 2.0, 64, 64, 128),
@@ -79,7 +79,7 @@ class DetectorConfig:
         ),
         "SA1 to SA4",
     )
-    set_upconv: tuple[SetUpconvConfig, ...] = _note(
+    set_upconv: tuple[SetUpconvConfig, ...] = note(
         (
             SetUpconvConfig(8.0, (256, 256)),
             SetUpconvConfig(4.0, (128, 128, 256)),
@@ -87,34 +87,55 @@ class DetectorConfig:
         ),
         "FP1 to FP3",
     )
-    propagation_widths: tuple[int, ...] = _note((256, 256), "FP4")
-    fc1_width: int = _note(128, "FC1")
+    propagation_widths: tuple[int, ...] = note((256, 256), "FP4")
+    fc1_width: int = note(128, "FC1")
     box: BoxCodingConfig = field(default_factory=BoxCodingConfig)
-    batch_norm_momentum: float = _note(0.97, "moving averages; choice of ours for short trainings")
+    batch_norm_momentum: float = note(0.97, "moving averages; choice of ours for short trainings")
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
     """The tracker's rows of Table I."""
 
-    num_kept_points: int = _note(5000, "N' of the probability filter (section IV.B)")
-    fused_features: FusedFeatures = _note("filter+FC1", "Table IV; its best row")
-    fusion: Fusion = _note("cosine_distance", "Table III; its best row")
-    fusion_keeps_features: bool = _note(
+    num_kept_points: int = note(5000, "N' of the probability filter (section IV.B)")
+    fused_features: FusedFeatures = note("filter+FC1", "Table IV; its best row")
+    fusion: Fusion = note("cosine_distance", "Table III; its best row")
+    fusion_keeps_features: bool = note(
         True,
         "append the fused value to [f_i, f_j, d_j] (the text of section III.2) instead of using it "
         "in place of f_i and f_j (FlowNet3D)",
     )
-    set_abstraction: tuple[SetAbstractionConfig, ...] = _note(
+    set_abstraction: tuple[SetAbstractionConfig, ...] = note(
         (_sa(2048, 0.5, 32, 32, 64), _sa(512, 1.0, 64, 64, 128)), "SA1 and SA2, both frames"
     )
-    association_radius: float = _note(5.0, "Assn. (metres)")
-    association_neighbors: int = _note(64, "K (section IV.B)")
-    association_widths: tuple[int, ...] = _note((128, 128), "Assn.")
+    association_radius: float = note(5.0, "Assn. (metres)")
+    association_neighbors: int = note(64, "K (section IV.B)")
+    association_widths: tuple[int, ...] = note((128, 128), "Assn.")
     refinement_abstraction: SetAbstractionConfig = _sa(32, 4.0, 256, 256)  # SA3
-    refinement_upconv: tuple[SetUpconvConfig, ...] = _note(
+    refinement_upconv: tuple[SetUpconvConfig, ...] = note(
         (SetUpconvConfig(4.0, (256, 256)), SetUpconvConfig(1.0, (128, 256, 256))), "FP1 and FP2"
     )
-    propagation_widths: tuple[int, ...] = _note((256, 256), "FP3")
-    fc1_width: int = _note(128, "FC1")
-    batch_norm_momentum: float = _note(0.97, "moving averages; choice of ours for short trainings")
+    propagation_widths: tuple[int, ...] = note((256, 256), "FP3")
+    fc1_width: int = note(128, "FC1")
+    batch_norm_momentum: float = note(0.97, "moving averages; choice of ours for short trainings")
+
+
+@dataclass(frozen=True)
+class DetectionLossWeights:
+    """Weight of each term; equations (2) and (3) have 1 everywhere."""
+
+    mask: float = note(1.0, "L_mask")
+    center: float = note(1.0, "L_center")
+    h_cls: float = note(1.0, "L_h_cls")
+    h_reg: float = note(1.0, "L_h_reg")
+    s_cls: float = note(1.0, "L_s_cls")
+    s_reg: float = note(1.0, "L_s_reg")
+    sem_cls: float = note(1.0, "L_sem_cls")
+
+
+@dataclass(frozen=True)
+class TrackingLossWeights:
+    """alpha and beta of equation (5): 1 unless measured better."""
+
+    alpha: float = note(1.0, "weight of foreground points, equation (5)")
+    beta: float = note(1.0, "weight of background points, equation (5)")

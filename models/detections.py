@@ -10,7 +10,7 @@ import tensorflow as tf
 
 from kitti.iou import iou_3d
 from models.box_coding import decode_boxes
-from models.config import BoxCodingConfig, _note
+from models.config import BoxCodingConfig, note
 from models.probability_filter import foreground_probability
 
 
@@ -18,14 +18,14 @@ from models.probability_filter import foreground_probability
 class DecodingConfig:
     """How boxes are made from points; thresholds chosen on simulated training sequences."""
 
-    min_probability: float = _note(0.3, "foreground probability of a point that proposes a box")
-    cell: float = _note(0.5, "metres; proposals are thinned by the cell of their centre")
-    proposals_per_cell: int = _note(12, "the most probable ones of each cell stay")
-    max_proposals: int = _note(600, "of a frame")
-    nms_iou: float = _note(0.1, "bird's-eye boxes that overlap more belong to the same object")
-    vote_iou: float = _note(0.4, "proposals that overlap more are averaged (box voting)")
-    min_score: float = _note(0.1, "of a box that is kept")
-    max_boxes: int = _note(64, "M")
+    min_probability: float = note(0.3, "foreground probability of a point that proposes a box")
+    cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
+    proposals_per_cell: int = note(12, "the most probable ones of each cell stay")
+    max_proposals: int = note(600, "of a frame")
+    nms_iou: float = note(0.1, "bird's-eye boxes that overlap more belong to the same object")
+    vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
+    min_score: float = note(0.1, "of a box that is kept")
+    max_boxes: int = note(64, "M")
 
 
 class Detections(NamedTuple):

@@ -6,32 +6,7 @@ divided by `normalizer` where one is given, so that shards of a joint batch add 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import tensorflow as tf
-
-from models.config import _note
-
-
-@dataclass(frozen=True)
-class DetectionLossWeights:
-    """Weight of each term; equations (2) and (3) have 1 everywhere."""
-
-    mask: float = _note(1.0, "L_mask")
-    center: float = _note(1.0, "L_center")
-    h_cls: float = _note(1.0, "L_h_cls")
-    h_reg: float = _note(1.0, "L_h_reg")
-    s_cls: float = _note(1.0, "L_s_cls")
-    s_reg: float = _note(1.0, "L_s_reg")
-    sem_cls: float = _note(1.0, "L_sem_cls")
-
-
-@dataclass(frozen=True)
-class TrackingLossWeights:
-    """alpha and beta of equation (5): 1 unless measured better."""
-
-    alpha: float = _note(1.0, "weight of foreground points, equation (5)")
-    beta: float = _note(1.0, "weight of background points, equation (5)")
 
 
 def focal_loss(logits: tf.Tensor, labels: tf.Tensor, gamma: float) -> tf.Tensor:

@@ -4,47 +4,46 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from models.config import DetectorConfig, TrackerConfig
-from models.losses import DetectionLossWeights, TrackingLossWeights
-
-
-def _note(default, text: str):
-    return field(default=default, metadata={"help": text})
+from models.config import (
+    DetectionLossWeights,
+    DetectorConfig,
+    TrackerConfig,
+    TrackingLossWeights,
+    note,
+)
 
 
 @dataclass(frozen=True)
 class AugmentationConfig:
     """Random changes of a training sample; both frames of a pair change alike (our choices)."""
 
-    flip: bool = _note(True, "mirror left and right, half of the time")
-    rotation: float = _note(0.35, "about the vertical, uniform in [-x, x] radians")
-    scale: float = _note(0.05, "uniform in [1 - x, 1 + x]")
-    height: float = _note(0.2, "of the whole scan, uniform in [-x, x] metres")
-    dropout: float = _note(0.3, "share of the points left out, uniform in [0, x]")
-    displacement: float = _note(2.0, "of objects, up to this many metres (section IV.D)")
-    displaced_share: float = _note(0.6, "share of the samples whose objects are displaced")
+    flip: bool = note(True, "mirror left and right, half of the time")
+    rotation: float = note(0.35, "about the vertical, uniform in [-x, x] radians")
+    scale: float = note(0.05, "uniform in [1 - x, 1 + x]")
+    height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres")
+    dropout: float = note(0.3, "share of the points left out, uniform in [0, x]")
+    displacement: float = note(2.0, "of objects, up to this many metres (section IV.D)")
+    displaced_share: float = note(0.6, "share of the samples whose objects are displaced")
 
 
 @dataclass(frozen=True)
 class ScheduleConfig:
     """Optimiser and length of a training."""
 
-    epochs: int = _note(16, "length of the training")
-    frames_per_epoch: int = _note(0, "samples in an epoch; 0: all of them")
-    batch_size: int = _note(8, "of all replicas together: 8 for the detector, 6 for the tracker")
-    learning_rate_min: float = _note(1e-4, "lower bound of the cyclical learning rate")
-    learning_rate_max: float = _note(1e-3, "upper bound of the cyclical learning rate")
-    cycle_epochs: int = _note(8, "a full cycle, up and down")
-    beta1: float = _note(0.9, "Adam")
-    beta2: float = _note(0.999, "Adam")
-    epsilon: float = _note(1e-8, "Adam")
-    clip_norm: float = _note(
-        10.0, "global norm of the gradients; our choice, keeps a bad batch out"
-    )
-    checkpoint_minutes: float = _note(5.0, "time between checkpoints within an epoch")
-    keep_checkpoints: int = _note(3, "how many of the last checkpoints stay beside the best")
-    validation_frames: int = _note(64, "samples looked at after each epoch; 0: all")
-    seed: int = _note(0, "of initial weights, order, sampling and augmentation")
+    epochs: int = note(16, "length of the training")
+    frames_per_epoch: int = note(0, "samples in an epoch; 0: all of them")
+    batch_size: int = note(8, "of all replicas together: 8 for the detector, 6 for the tracker")
+    learning_rate_min: float = note(1e-4, "lower bound of the cyclical learning rate")
+    learning_rate_max: float = note(1e-3, "upper bound of the cyclical learning rate")
+    cycle_epochs: int = note(8, "a full cycle, up and down")
+    beta1: float = note(0.9, "Adam")
+    beta2: float = note(0.999, "Adam")
+    epsilon: float = note(1e-8, "Adam")
+    clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
+    checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
+    keep_checkpoints: int = note(3, "how many of the last checkpoints stay beside the best")
+    validation_frames: int = note(64, "samples looked at after each epoch; 0: all")
+    seed: int = note(0, "of initial weights, order, sampling and augmentation")
 
 
 @dataclass(frozen=True)
@@ -53,11 +52,11 @@ class DetectorTrainingConfig:
 
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     loss: DetectionLossWeights = field(default_factory=DetectionLossWeights)
-    focal_gamma: float = _note(2.0, "gamma of equation (4); the focal loss paper's value")
-    object_balance: float = _note(
+    focal_gamma: float = note(2.0, "gamma of equation (4); the focal loss paper's value")
+    object_balance: float = note(
         0.5, "box losses of a point weigh 1 / (points of its object)^x; 0: all points alike"
     )
-    query_points: int = _note(
+    query_points: int = note(
         0,
         "points at which mask and boxes are trained: all foreground and a random part of the "
         "background, weighted to stand for all of it; 0: all N points",
