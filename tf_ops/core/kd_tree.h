@@ -5,34 +5,35 @@
 // are computed with the same operations; rounding is monotonic, so the box's is never the larger.
 // Pruning therefore changes no result, not even among ties.
 //
-// To be included inside the namespace of one instruction set, after simd.h.
-
-constexpr int kWidth = 16;
-constexpr int32_t kNoPoint = std::numeric_limits<int32_t>::max();
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-// Sixteen points; unused places lie at infinity and have index kNoPoint.
-struct alignas(64) Block {
-  float x[kWidth], y[kWidth], z[kWidth];
-  int32_t index[kWidth];
-
-  F16 distance2(const Query& q) const {
-    return squared(load(x) - q.x, load(y) - q.y, load(z) - q.z);
-  }
-};
+// To be included inside the namespace of one instruction set, after kd_order.h.
 
 // Sixteen bounding boxes; unused places are empty boxes, infinitely far from anything.
 struct alignas(64) Group {
   float low[3][kWidth], high[3][kWidth];
 
-  // Squared distance from q to each box, 0 inside: a lower bound for the points in it.
-  F16 distance2(const Query& q) const {
-    return squared(gap(q.x, 0), gap(q.y, 1), gap(q.z, 2));
+  Group() {
+    std::fill_n(low[0], 3 * kWidth, kInfinity);
+    std::fill_n(high[0], 3 * kWidth, -kInfinity);
+  }
+
+  void set(int64_t place, const Bounds& bounds) {
+    for (int a = 0; a < 3; ++a) {
+      low[a][place] = bounds.low[a];
+      high[a][place] = bounds.high[a];
+    }
+  }
+
+  // Squared distance from a point to each box, 0 inside: a lower bound for all points in it.
+  F16 distance2_to(const Point16& q) const { return distance2_to(q, q); }
+
+  // The same between these boxes and the box from `from` to `to`.
+  F16 distance2_to(const Point16& from, const Point16& to) const {
+    return squared(gap(from.x, to.x, 0), gap(from.y, to.y, 1), gap(from.z, to.z, 2));
   }
 
  private:
-  F16 gap(F16 q, int axis) const {
-    return max(max(load(low[axis]) - q, q - load(high[axis])), all(0.0F));
+  F16 gap(F16 from, F16 to, int a) const {
+    return max(max(load(low[a]) - to, from - load(high[a])), all(0.0F));
   }
 };
 
@@ -40,21 +41,25 @@ class KdTree {
  public:
   // Builds over `size` >= 1 points, `leaf_blocks` blocks to a leaf.
   KdTree(const float* xyz, int64_t size, int leaf_blocks, const Parallel& parallel)
-      : leaf_blocks_(leaf_blocks), leaf_size_(leaf_blocks * kWidth) {
-    leaves_ = (size + leaf_size_ - 1) / leaf_size_;
-    std::vector<Point> points(static_cast<size_t>(size));
-    for (int64_t i = 0; i < size; ++i) {
-      points[i] = {{xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]}, static_cast<int32_t>(i)};
+      : leaf_blocks_(leaf_blocks),
+        leaves_(divide_up(size, leaf_blocks * kWidth)),
+        points_(leaves_ * leaf_blocks * kWidth) {
+    points_.fill(xyz, size);
+    for (int64_t nodes = leaves_;; nodes = divide_up(nodes, kWidth)) {
+      nodes_.push_back(nodes);
+      levels_.emplace_back(static_cast<size_t>(divide_up(nodes, kWidth)));
+      if (nodes <= kWidth) break;
     }
-    make_levels();
-    blocks_.resize(static_cast<size_t>(leaves_ * leaf_blocks_));
-    arrange(points.data(), size, parallel);
+    arrange(parallel);
     bound_upper_levels();
   }
 
   int64_t leaves() const { return leaves_; }
   int leaf_blocks() const { return leaf_blocks_; }
-  const Block* leaf(int64_t i) const { return &blocks_[static_cast<size_t>(i * leaf_blocks_)]; }
+
+  // Leaf i is blocks i * leaf_blocks() and following.
+  Point16 points(int64_t block) const { return points_.points(block); }
+  const int32_t* index(int64_t block) const { return &points_.index[block * kWidth]; }
 
   // Level 0 bounds the leaves; the last level is a single group. Child i of group g is node
   // 16 g + i of that level, whose own children are group 16 g + i of the level below.
@@ -69,128 +74,67 @@ class KdTree {
   }
 
  private:
-  struct alignas(16) Point {
-    float at[3];
-    int32_t index;
+  struct Range {  // of leaves
+    int64_t begin, end;
   };
-  struct Range {  // points [begin, end) make the leaves from `leaf` on
-    int64_t begin, end, leaf;
-  };
-  struct Bounds {
-    float low[3] = {kInfinity, kInfinity, kInfinity};
-    float high[3] = {-kInfinity, -kInfinity, -kInfinity};
-
-    void add(const float* point) {
-      for (int a = 0; a < 3; ++a) {
-        low[a] = std::min(low[a], point[a]);
-        high[a] = std::max(high[a], point[a]);
-      }
-    }
-    int longest() const {
-      const float e[3] = {high[0] - low[0], high[1] - low[1], high[2] - low[2]};
-      return e[0] >= e[1] ? (e[0] >= e[2] ? 0 : 2) : (e[1] >= e[2] ? 1 : 2);
-    }
-  };
-
-  void make_levels() {
-    Group empty;
-    for (int a = 0; a < 3; ++a) {
-      std::fill_n(empty.low[a], kWidth, kInfinity);
-      std::fill_n(empty.high[a], kWidth, -kInfinity);
-    }
-    for (int64_t nodes = leaves_;; nodes = (nodes + kWidth - 1) / kWidth) {
-      nodes_.push_back(nodes);
-      levels_.emplace_back(static_cast<size_t>((nodes + kWidth - 1) / kWidth), empty);
-      if (nodes <= kWidth) return;
-    }
-  }
 
   // Halves ranges until there are enough for all threads, then finishes each one.
-  void arrange(Point* points, int64_t size, const Parallel& parallel) {
-    std::vector<Range> ranges = {{0, size, 0}};
-    const size_t wanted = size < 4096 || parallel.threads < 2 ? 1 : 4 * size_t(parallel.threads);
-    for (size_t i = 0; i < ranges.size() && ranges.size() < wanted; ++i) {
-      while (ranges[i].end - ranges[i].begin > size / static_cast<int64_t>(wanted / 2) &&
-             leaves_of(ranges[i]) > 1) {
-        ranges.push_back(split(points, &ranges[i]));
+  void arrange(const Parallel& parallel) {
+    PointArrays scratch(points_.blocks * kWidth);
+    std::vector<Range> ranges = {{0, leaves_}};
+    const int64_t wanted = parallel.threads > 1 && leaves_ >= 64 ? 2 * parallel.threads : 1;
+    for (size_t i = 0; i < ranges.size(); ++i) {
+      while ((ranges[i].end - ranges[i].begin) * wanted > leaves_) {
+        ranges.push_back(split(&ranges[i], scratch));
       }
     }
-    const auto finish = [&](int64_t first, int64_t last) {
-      for (int64_t i = first; i < last; ++i) arrange_range(points, ranges[i]);
-    };
-    if (ranges.size() == 1) return finish(0, 1);
-    parallel.run(static_cast<int64_t>(ranges.size()), 50 * size, finish);
+    parallel.run(static_cast<int64_t>(ranges.size()), leaves_ * 1000 / wanted,
+                 [&](int64_t first, int64_t last) {
+                   for (int64_t i = first; i < last; ++i) finish(ranges[i], scratch);
+                 });
   }
 
-  void arrange_range(Point* points, Range range) {
-    while (leaves_of(range) > 1) arrange_range(points, split(points, &range));
-    fill_leaf(points, range);
+  void finish(Range range, PointArrays& scratch) {
+    while (range.end - range.begin > 1) finish(split(&range, scratch), scratch);
+    levels_[0][static_cast<size_t>(range.begin / kWidth)].set(range.begin % kWidth, bounds(range));
   }
 
-  int64_t leaves_of(const Range& r) const {
-    return (r.end - r.begin + leaf_size_ - 1) / leaf_size_;
+  Bounds bounds(const Range& range) const {
+    return bounds_of(points_, range.begin * leaf_blocks_, range.end * leaf_blocks_);
   }
 
-  // Cuts the range across its longest side, keeps the lower part and returns the upper one. The
-  // lower part is whole leaves, as many as make whole groups, so that groups are compact.
-  Range split(Point* points, Range* range) const {
-    const int64_t leaves = leaves_of(*range);
+  // Cuts the range across its longest side, keeps the lower part and returns the upper one. Parts
+  // above a group's size are cut at whole groups, so that groups are compact.
+  Range split(Range* range, PointArrays& scratch) {
+    const int64_t leaves = range->end - range->begin;
     int64_t unit = 1;
     while (unit * kWidth < leaves) unit *= kWidth;
     const int64_t lower = std::max<int64_t>(1, leaves / unit / 2) * unit;
-    Bounds bounds;
-    for (int64_t i = range->begin; i < range->end; ++i) bounds.add(points[i].at);
-    const int64_t middle = range->begin + lower * leaf_size_;
-    const int axis = bounds.longest();
-    std::nth_element(points + range->begin, points + middle, points + range->end,
-                     [axis](const Point& a, const Point& b) { return a.at[axis] < b.at[axis]; });
-    const Range upper = {middle, range->end, range->leaf + lower};
-    range->end = middle;
+    divide(points_, scratch, range->begin * leaf_blocks_, range->end * leaf_blocks_,
+           lower * leaf_blocks_ * kWidth, bounds(*range));
+    const Range upper = {range->begin + lower, range->end};
+    range->end = upper.begin;
     return upper;
-  }
-
-  void fill_leaf(const Point* points, const Range& range) {
-    Block* blocks = &blocks_[static_cast<size_t>(range.leaf * leaf_blocks_)];
-    Bounds bounds;
-    for (int i = 0; i < leaf_size_; ++i) {
-      Block& block = blocks[i / kWidth];
-      const int lane = i % kWidth;
-      if (range.begin + i < range.end) {
-        const Point& p = points[range.begin + i];
-        bounds.add(p.at);
-        block.x[lane] = p.at[0];
-        block.y[lane] = p.at[1];
-        block.z[lane] = p.at[2];
-        block.index[lane] = p.index;
-      } else {
-        block.x[lane] = block.y[lane] = block.z[lane] = kInfinity;
-        block.index[lane] = kNoPoint;
-      }
-    }
-    Group& group = levels_[0][static_cast<size_t>(range.leaf / kWidth)];
-    for (int a = 0; a < 3; ++a) {
-      group.low[a][range.leaf % kWidth] = bounds.low[a];
-      group.high[a][range.leaf % kWidth] = bounds.high[a];
-    }
   }
 
   void bound_upper_levels() {
     for (size_t level = 1; level < levels_.size(); ++level) {
       for (int64_t node = 0; node < nodes_[level]; ++node) {
         const Group& below = levels_[level - 1][static_cast<size_t>(node)];
-        Group& group = levels_[level][static_cast<size_t>(node / kWidth)];
+        Bounds bounds;
         for (int a = 0; a < 3; ++a) {
-          group.low[a][node % kWidth] = *std::min_element(below.low[a], below.low[a] + kWidth);
-          group.high[a][node % kWidth] = *std::max_element(below.high[a], below.high[a] + kWidth);
+          bounds.low[a] = -largest(all(0.0F) - load(below.low[a]));
+          bounds.high[a] = largest(load(below.high[a]));
         }
+        levels_[level][static_cast<size_t>(node / kWidth)].set(node % kWidth, bounds);
       }
     }
   }
 
-  int leaf_blocks_, leaf_size_;
+  int leaf_blocks_;
   int64_t leaves_;
-  std::vector<Block> blocks_;
-  std::vector<int64_t> nodes_;               // per level
+  PointArrays points_;
+  std::vector<int64_t> nodes_;  // per level
   std::vector<std::vector<Group>> levels_;
 };
 
@@ -205,7 +149,7 @@ inline std::vector<std::unique_ptr<KdTree>> build_trees(const Clouds& clouds, in
   if (clouds.batch == 1) {
     build(0, parallel);
   } else {
-    parallel.run(clouds.batch, 100 * clouds.size, [&](int64_t begin, int64_t end) {
+    parallel.run(clouds.batch, 30 * clouds.size, [&](int64_t begin, int64_t end) {
       for (int64_t b = begin; b < end; ++b) build(b, serial());
     });
   }

@@ -3,11 +3,11 @@
 # define PTN_SIMD 256
 # define PTN_ISA avx2
 # if defined(__clang__)
-#  pragma clang attribute push(__attribute__((target("avx2"))), \
+#  pragma clang attribute push(__attribute__((target("avx2,popcnt,bmi"))), \
                                apply_to = function)
 # else
 #  pragma GCC push_options
-#  pragma GCC target("avx2")
+#  pragma GCC target("avx2,popcnt,bmi")
 # endif
 # include "core/kernels_isa.h"
 # if defined(__clang__)

@@ -1,6 +1,6 @@
 // Ball query: the first points, in index order, within a radius.
 //
-// To be included inside the namespace of one instruction set, after nearest.h.
+// To be included inside the namespace of one instruction set, after nearest_few.h.
 
 // A set of indices below a limit, read out in order: a bit per index, and a bit per used word.
 class IndexSet {
@@ -33,15 +33,15 @@ class IndexSet {
   std::vector<uint64_t> words_, used_;
 };
 
-inline void gather_ball(const KdTree& tree, const Query& q, float radius2, int level, int64_t g,
+inline void gather_ball(const KdTree& tree, const Point16& q, float radius2, int level, int64_t g,
                         IndexSet& inside) {
-  for_each_lane(tree.group(level, g).distance2(q) < all(radius2), [&](int i) {
+  for_each_lane(bits(tree.group(level, g).distance2_to(q) < all(radius2)), [&](int i) {
     const int64_t node = g * kWidth + i;
     if (level > 0) return gather_ball(tree, q, radius2, level - 1, node, inside);
     for (int b = 0; b < tree.leaf_blocks(); ++b) {
-      const Block& block = tree.leaf(node)[b];
-      for_each_lane(block.distance2(q) < all(radius2),
-                    [&](int lane) { inside.add(block.index[lane]); });
+      const int64_t block = node * tree.leaf_blocks() + b;
+      for_each_lane(bits(distance2(tree.points(block), q) < all(radius2)),
+                    [&](int lane) { inside.add(tree.index(block)[lane]); });
     }
   });
 }
@@ -56,9 +56,9 @@ inline void query_ball_point(Clouds clouds, Clouds queries, float radius, int32_
       const KdTree& tree = *trees[row / queries.size];
       const float* query = queries.xyz + 3 * row;
       int32_t* out = index + row * nsample;
-      gather_ball(tree, Query(query), radius2, tree.top(), 0, inside);
+      gather_ball(tree, all_point(query), radius2, tree.top(), 0, inside);
       count[row] = inside.take(nsample, out);
-      const int32_t fill = count[row] > 0 ? out[0] : nearest_point(tree, query);
+      const int32_t fill = count[row] > 0 ? out[0] : Nearest::find(tree, query);
       std::fill(out + count[row], out + nsample, fill);
     }
   });

@@ -51,28 +51,27 @@ class FarthestPoints {
     const F16 distance = load(best.distance);
     const float most = largest(distance);
     int32_t index = kNoPoint;
-    for_each_lane(distance == all(most), [&](int i) { index = std::min(index, best.index[i]); });
+    for_each_lane(bits(distance == all(most)), [&](int i) { index = std::min(index, best.index[i]); });
     return {most, index};
   }
 
   void start_leaf(int64_t leaf) {
-    const Block* block = tree_.leaf(leaf);
-    for (int i = 0; i < kLeafBlocks * kWidth; ++i) {
-      const bool used = block[i / kWidth].index[i % kWidth] != kNoPoint;
-      distance_[leaf * kLeafBlocks + i / kWidth].to_sample[i % kWidth] = used ? kInfinity : 0.0F;
+    for (int64_t b = leaf * kLeafBlocks; b < (leaf + 1) * kLeafBlocks; ++b) {
+      for (int i = 0; i < kWidth; ++i) {
+        distance_[b].to_sample[i] = tree_.index(b)[i] == kNoPoint ? 0.0F : kInfinity;
+      }
     }
     find_farthest(leaf);
   }
 
   void add(int32_t sample) {
-    const Query q(xyz_ + 3 * static_cast<int64_t>(sample));
-    visit(q, tree_.top(), 0);
+    visit(all_point(xyz_ + 3 * static_cast<int64_t>(sample)), tree_.top(), 0);
   }
 
   // Lowers the distances of all points below the group that are nearer to q.
-  void visit(const Query& q, int level, int64_t g) {
-    const Mask touched = tree_.group(level, g).distance2(q) < load(best_[level][g].distance);
-    for_each_lane(touched, [&](int i) {
+  void visit(const Point16& q, int level, int64_t g) {
+    const F16 bound = tree_.group(level, g).distance2_to(q);
+    for_each_lane(bits(bound < load(best_[level][g].distance)), [&](int i) {
       const int64_t node = g * kWidth + i;
       if (level == 0) {
         update_leaf(q, node);
@@ -91,11 +90,11 @@ class FarthestPoints {
     above.index[g % kWidth] = c.index;
   }
 
-  void update_leaf(const Query& q, int64_t leaf) {
-    const Block* block = tree_.leaf(leaf);
-    Distances* d = &distance_[leaf * kLeafBlocks];
+  void update_leaf(const Point16& q, int64_t leaf) {
+    const int64_t first = leaf * kLeafBlocks;
+    Distances* d = &distance_[first];
     for (int b = 0; b < kLeafBlocks; ++b) {
-      store(d[b].to_sample, min(load(d[b].to_sample), block[b].distance2(q)));
+      store(d[b].to_sample, min(load(d[b].to_sample), distance2(tree_.points(first + b), q)));
     }
     // Distances only fall: while the farthest point keeps its own, it stays the farthest.
     const Best& best = best_[0][leaf / kWidth];
@@ -105,17 +104,17 @@ class FarthestPoints {
   }
 
   void find_farthest(int64_t leaf) {
-    const Block* block = tree_.leaf(leaf);
-    const Distances* d = &distance_[leaf * kLeafBlocks];
+    const int64_t first = leaf * kLeafBlocks;
+    const Distances* d = &distance_[first];
     F16 most = load(d[0].to_sample);
     for (int b = 1; b < kLeafBlocks; ++b) most = max(most, load(d[b].to_sample));
     const float distance = largest(most);
     int32_t index = kNoPoint;
     int place = 0;
     for (int b = 0; b < kLeafBlocks; ++b) {
-      for_each_lane(load(d[b].to_sample) == all(distance), [&](int i) {
-        if (block[b].index[i] < index) {
-          index = block[b].index[i];
+      for_each_lane(bits(load(d[b].to_sample) == all(distance)), [&](int i) {
+        if (tree_.index(first + b)[i] < index) {
+          index = tree_.index(first + b)[i];
           place = b * kWidth + i;
         }
       });

@@ -1,0 +1,22 @@
+// An array at a cache line's boundary, whose elements are left uninitialised.
+//
+// To be included inside the namespace of one instruction set.
+
+template <class T>
+class AlignedArray {
+ public:
+  explicit AlignedArray(int64_t size)
+      : data_(static_cast<T*>(::operator new(static_cast<size_t>(size) * sizeof(T), kLine))) {}
+
+  T* data() { return data_.get(); }
+  const T* data() const { return data_.get(); }
+  T& operator[](int64_t i) { return data_.get()[i]; }
+  const T& operator[](int64_t i) const { return data_.get()[i]; }
+
+ private:
+  static constexpr std::align_val_t kLine{64};
+  struct Free {
+    void operator()(T* p) const { ::operator delete(p, kLine); }
+  };
+  std::unique_ptr<T, Free> data_;
+};

@@ -1,0 +1,156 @@
+// The k nearest points for large k: one query at a time. Whole blocks of candidates are buffered;
+// a threshold that keeps about k of them is found by counting, and only those are put in order.
+//
+// To be included inside the namespace of one instruction set, after nodes.h.
+
+// Distance and index in one number, ordered by distance, then by index.
+using Key = uint64_t;
+
+// The bits of a float as an unsigned number of the same order; -0 and 0 are equal.
+inline uint32_t ordered_bits(float value) {
+  value += 0.0F;
+  uint32_t raw;
+  std::memcpy(&raw, &value, sizeof(raw));
+  return (raw & 0x80000000U) != 0 ? ~raw : raw | 0x80000000U;
+}
+inline Key make_key(float value, int32_t index) {
+  return static_cast<Key>(ordered_bits(value)) << 32 | static_cast<uint32_t>(index);
+}
+
+inline int32_t index_of(Key key) { return static_cast<int32_t>(key & 0xFFFFFFFFU); }
+
+class ManyNearest {
+ public:
+  explicit ManyNearest(int32_t k)
+      : k_(k),
+        enough_(k + k / 8 + kWidth),
+        room_(divide_up(std::max<int64_t>(4 * int64_t{k}, 256), kWidth) * kWidth),
+        distance_(room_ + kWidth),
+        index_(room_ + kWidth),
+        order_(room_) {}
+
+  // Writes the k nearest points to the query; missing ones repeat the nearest.
+  void find(const KdTree& tree, const float* query, float* dist2, int32_t* index) {
+    size_ = 0;
+    limit_ = kInfinity;
+    query_ = all_point(query);
+    visit(tree, tree.top(), 0);
+    cut();
+    sort();
+    for (int32_t i = 0; i < k_; ++i) {
+      const int32_t from = order_[i < size_ ? i : 0];
+      dist2[i] = distance_[from];
+      index[i] = index_[from];
+    }
+  }
+
+ private:
+  static constexpr int64_t kRankSort = 512;  // up to here counting smaller ones is the faster sort
+
+  void visit(const KdTree& tree, int level, int64_t g) {
+    nearest_first(
+        tree.group(level, g).distance2_to(query_), tree.used(level, g), [this] { return limit_; },
+        [this, &tree, level, g](int lane) {
+          const int64_t node = g * kWidth + lane;
+          level > 0 ? visit(tree, level - 1, node) : scan(tree, node);
+        });
+  }
+
+  void scan(const KdTree& tree, int64_t leaf) {
+    const Point16 points = tree.points(leaf);
+    const F16 d = distance2(points, query_);
+    const Mask near = bits(both(d <= all(limit_), points.x < all(kInfinity)));
+    compress(&distance_[size_], d, near);
+    compress(&index_[size_], load(tree.index(leaf)), near);
+    size_ += __builtin_popcount(near);
+    if (size_ + kWidth > room_) cut();
+  }
+
+  // Keeps the k nearest of the buffer, and perhaps a few more.
+  void cut() {
+    if (size_ <= enough_) return;
+    for (int64_t i = size_; i % kWidth != 0; ++i) distance_[i] = kInfinity;
+    const int64_t blocks = divide_up(size_, kWidth);
+    F16 most = all(0.0F);
+    for (int64_t b = 0; b < blocks; ++b) {
+      const F16 d = load(&distance_[b * kWidth]);
+      most = max(most, select(d < all(kInfinity), d, all(0.0F)));
+    }
+    limit_ = std::min(limit_, threshold(distance_.data(), blocks, k_, enough_, 0.0F, largest(most)));
+    int64_t kept = 0;
+    for (int64_t b = 0; b < blocks; ++b) {
+      const F16 d = load(&distance_[b * kWidth]);
+      const I16 index = load(&index_[b * kWidth]);
+      const Mask near = bits(d <= all(limit_)) & filled(b);
+      compress(&distance_[kept], d, near);
+      compress(&index_[kept], index, near);
+      kept += __builtin_popcount(near);
+    }
+    size_ = kept;
+    if (size_ > enough_) cut_ties();
+  }
+
+  Mask filled(int64_t block) const {
+    const int64_t rest = size_ - block * kWidth;
+    return rest >= kWidth ? 0xFFFFU : (1U << rest) - 1U;
+  }
+
+  std::vector<Key> keys() const {
+    std::vector<Key> keys(static_cast<size_t>(size_));
+    for (int64_t i = 0; i < size_; ++i) keys[i] = make_key(distance_[i], index_[i]);
+    return keys;
+  }
+
+  // Keeps exactly the k nearest when too many are equally far.
+  void cut_ties() {
+    std::vector<Key> all_keys = keys();
+    std::nth_element(all_keys.begin(), all_keys.begin() + k_ - 1, all_keys.end());
+    const Key last = all_keys[k_ - 1];
+    int64_t kept = 0;
+    for (int64_t i = 0; i < size_; ++i) {
+      if (make_key(distance_[i], index_[i]) > last) continue;
+      distance_[kept] = distance_[i];
+      index_[kept++] = index_[i];
+    }
+    size_ = kept;
+  }
+
+  // Fills order_ with the places of the buffer, nearest first, up to k of them.
+  void sort() {
+    if (size_ > kRankSort || !rank_sort()) sort_keys();
+  }
+
+  // Puts each candidate at the rank that is the number of nearer ones; false if some tie.
+  bool rank_sort() {
+    for (int64_t i = size_; i % kWidth != 0; ++i) distance_[i] = kInfinity;
+    const int64_t blocks = divide_up(size_, kWidth), wanted = std::min<int64_t>(size_, k_);
+    int64_t placed = 0;
+    std::fill_n(order_.data(), size_, -1);
+    for (int64_t i = 0; i < size_; ++i) {
+      const F16 d = all(distance_[i]);
+      int64_t rank = 0;
+      for (int64_t b = 0; b < blocks; ++b) {
+        rank += __builtin_popcount(bits(load(&distance_[b * kWidth]) < d));
+      }
+      if (rank >= wanted) continue;
+      if (order_[rank] >= 0) return false;
+      order_[rank] = static_cast<int32_t>(i);
+      ++placed;
+    }
+    return placed == wanted;
+  }
+
+  void sort_keys() {
+    std::vector<Key> sorted = keys();
+    for (int64_t i = 0; i < size_; ++i) order_[i] = static_cast<int32_t>(i);
+    const auto before = [&](int32_t a, int32_t b) { return sorted[a] < sorted[b]; };
+    std::sort(order_.data(), order_.data() + size_, before);
+  }
+
+  int32_t k_;
+  int64_t enough_, room_, size_ = 0;
+  AlignedArray<float> distance_;
+  AlignedArray<int32_t> index_, order_;
+  Point16 query_;
+  float limit_ = kInfinity;
+};
