@@ -26,6 +26,7 @@ __all__ = [
 LABEL_COLUMNS = 17
 RESULT_COLUMNS = 18
 DETECTION_COLUMNS = 15
+TYPE_COLUMN = 2
 MAX_FRAMES = 10**6
 """Frame numbers have six digits in KITTI's file names."""
 DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
@@ -47,7 +48,7 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
     Raises:
         InputError: naming file, line and expectation, for anything that is not as KITTI has it.
     """
-    table = read_table(path, (LABEL_COLUMNS,))
+    table = read_table(path, (LABEL_COLUMNS,), text_column=TYPE_COLUMN)
     if not len(table) and num_frames is None:
         raise InputError("is empty, expected label rows of 17 columns", path)
     return _objects(table, num_frames)
@@ -62,7 +63,8 @@ def read_results(path: str | Path, num_frames: int | None = None) -> Objects:
     Raises:
         InputError: as `read_labels`.
     """
-    return _objects(read_table(path, (LABEL_COLUMNS, RESULT_COLUMNS)), num_frames)
+    widths = (LABEL_COLUMNS, RESULT_COLUMNS)
+    return _objects(read_table(path, widths, text_column=TYPE_COLUMN), num_frames)
 
 
 def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
@@ -101,16 +103,16 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
 
 def _objects(table: Table, num_frames: int | None) -> Objects:
     frame, track_id = _frames(table, num_frames), table.integers(1, "track id")
-    kind = np.array(table.columns[2], dtype=str)
-    unknown = ~np.isin(kind, CLASSES)
-    if unknown.any():
-        row = int(np.argmax(unknown))
+    kind = table.text
+    unknown = set(np.unique(kind).tolist()) - set(CLASSES)
+    if unknown:
+        row = int(np.argmax(np.isin(kind, list(unknown))))
         raise table.error(
             f"column 3: unknown class {str(kind[row])!r}, expected one of {' '.join(CLASSES)}", row
         )
     occlusion = table.integers(4, "occlusion state")
     truncation = table.numbers(3, 4)[:, 0]
-    values = table.numbers(5, len(table.columns))
+    values = table.numbers(5, table.width)
     cared_for = kind != "DontCare"
     table.refuse(cared_for & (track_id < 0), "column 2: expected a track id >= 0")
     has_box = cared_for & ~(values[:, 5:12] == _NO_BOX_RESULT).all(axis=1)

@@ -29,7 +29,7 @@ def read_seqmap(path: str | Path) -> dict[int, int]:
     Raises:
         InputError: wrong columns, a first frame that is not 0, no frames, a sequence named twice.
     """
-    table = read_table(path, (4,))
+    table = read_table(path, (4,), text_column=1)
     seqs, first, last = (table.integers(column, "number") for column in (0, 2, 3))
     table.refuse(seqs < 0, "column 1: expected a sequence number >= 0")
     table.refuse(first != 0, "column 3: expected first frame 0")

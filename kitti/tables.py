@@ -1,36 +1,46 @@
-"""Text tables: the whole file at once, with the faulty line named when something is wrong."""
+"""Text tables: NumPy's parser for the whole file; a careful pass names the line if it objects."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from common.errors import InputError
 
+_TEXT = "<U16"  # longer than any of KITTI's names, so a longer word stays unknown when cut
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows of tokens that all have the same number of columns.
+    """R rows of numbers, all of one width, perhaps with one column of text.
 
     Attributes:
         path: the file they come from, for messages.
-        columns: one tuple of str per column, each of R tokens.
-        lines: (R,) int64, the 1-based line number of each row.
+        source: all lines of the file; those that are not blank are the rows.
+        values: (R, width) float64, all finite; 0 in the column of text.
+        text: (R,) str, the column of text; empty strings if there is none.
     """
 
     path: Path
-    columns: tuple[tuple[str, ...], ...]
-    lines: np.ndarray
+    source: list[str]
+    values: np.ndarray
+    text: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.lines)
+        return len(self.values)
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return self.values.shape[1]
 
     def error(self, message: str, row: int) -> InputError:
         """The `InputError` that names the line of `row`."""
-        return InputError(message, self.path, int(self.lines[row]))
+        numbers = (i for i, line in enumerate(self.source, 1) if line.strip())
+        return InputError(message, self.path, next(itertools.islice(numbers, row, None)))
 
     def refuse(self, bad: np.ndarray, message: str) -> None:
         """Raises `InputError` at the first row where `bad` (R,) holds, if there is one."""
@@ -38,44 +48,15 @@ class Table:
             raise self.error(message, int(np.argmax(bad)))
 
     def numbers(self, first: int, last: int) -> np.ndarray:
-        """Columns `first` to `last` (not included) as (R, last - first) float64, all finite."""
-        wanted = self.columns[first:last]
-        try:
-            if any("_" in " ".join(column) for column in wanted):
-                raise ValueError("Python reads 1_0 as a number, KITTI does not")
-            count = len(self) * len(wanted)
-            flat = np.fromiter(map(float, chain.from_iterable(wanted)), np.float64, count)
-        except ValueError:
-            self._blame(first, last)
-            raise
-        values = flat.reshape(len(wanted), len(self)).T
-        if not np.isfinite(flat).all():
-            row, column = np.argwhere(~np.isfinite(values))[0]
-            found = wanted[column][row]
-            raise self.error(
-                f"column {first + column + 1}: expected a finite number, found {found!r}", row
-            )
-        return values
+        """Columns `first` to `last` (not included) as (R, last - first) float64."""
+        return self.values[:, first:last]
 
     def integers(self, column: int, name: str) -> np.ndarray:
         """One column as (R,) int32; `name` is used in messages."""
-        values = self.numbers(column, column + 1)[:, 0]
+        values = self.values[:, column]
         bad = (values != np.rint(values)) | (np.abs(values) >= 2**31)
         self.refuse(bad, f"column {column + 1}: expected an integer {name}")
         return values.astype(np.int32)
-
-    def _blame(self, first: int, last: int) -> None:
-        for row in range(len(self)):
-            for column in range(first, last):
-                token = self.columns[column][row]
-                try:
-                    good = "_" not in token and float(token) is not None
-                except ValueError:
-                    good = False
-                if not good:
-                    raise self.error(
-                        f"column {column + 1}: expected a number, found {token!r}", row
-                    )
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -107,38 +88,86 @@ def read_lines(path: str | Path) -> list[str]:
     return data.decode("ascii").split("\n")
 
 
-def read_table(path: str | Path, widths: tuple[int, ...], separator: str | None = None) -> Table:
+def read_table(
+    path: str | Path,
+    widths: tuple[int, ...],
+    separator: str | None = None,
+    text_column: int | None = None,
+) -> Table:
     """Reads a table whose rows all have the same one of the `widths`; blank lines are skipped.
 
     Args:
         path: a plain ASCII text file.
         widths: the numbers of columns that are allowed.
         separator: None for white space, or a character such as ",".
+        text_column: the column that holds a word; all others hold finite numbers.
 
     Raises:
-        InputError: the file cannot be read, a row has another number of columns, or the last
-            line has neither an end nor as many decimals as all others (a file cut off).
+        InputError: the file cannot be read, a row has another number of columns, a number is none
+            or not finite, or the last line has neither an end nor as many decimals as all others
+            (a file cut off).
     """
-    lines = read_lines(path)
-    numbered = [(i, line) for i, line in enumerate(lines, 1) if line and line.strip()]
-    numbers = [i for i, _ in numbered]
-    rows = [line.split(separator) for _, line in numbered]
-    found = set(map(len, rows))
-    if len(found) > 1 or not found <= set(widths):
-        width = len(rows[0]) if len(rows[0]) in widths else widths[-1]
-        at = next(i for i, row in enumerate(rows) if len(row) != width)
-        expected = " or ".join(map(str, widths)) if width != len(rows[0]) else str(width)
-        raise InputError(f"expected {expected} columns, found {len(rows[at])}", path, numbers[at])
-    columns = tuple(zip(*rows, strict=True)) if rows else tuple(() for _ in range(max(widths)))
-    table = Table(Path(path), columns, np.array(numbers, np.int64))
-    if len(rows) > 1 and numbers[-1] == len(lines):
-        _refuse_cut_number(table)
-    return table
+    source = read_lines(path)
+    rows = [line for line in source if line and not line.isspace()]
+    width = len(rows[0].split(separator)) if rows else max(widths)
+    parsed = _parse(rows, width, separator, text_column) if width in widths else None
+    if parsed is None:
+        blank = Table(Path(path), source, np.zeros((len(rows), width)), np.zeros(len(rows), _TEXT))
+        _refuse_other_widths(blank, [line.split(separator) for line in rows], widths)
+        _refuse_words(blank, [line.split(separator) for line in rows], text_column)
+        raise InputError("expected a table of numbers", path)
+    if len(rows) > 1 and source[-1].strip():
+        last = [line.split(separator)[-1] for line in rows]
+        _refuse_cut_number(Table(Path(path), source, *parsed), last)
+    return Table(Path(path), source, *parsed)
 
 
-def _refuse_cut_number(table: Table) -> None:
-    """Called if the last line has no end: is its last number shorter than all those above it?"""
-    decimals = [len(token.partition(".")[2]) for token in table.columns[-1]]
+def _parse(
+    rows: list[str], width: int, separator: str | None, text_column: int | None
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Values (R, width) and text (R,) of a faultless table; None if there is any fault."""
+    kinds = [_TEXT if i == text_column else np.float64 for i in range(width)]
+    dtype = np.dtype([(f"c{i}", kind) for i, kind in enumerate(kinds)])
+    if not rows:
+        return np.zeros((0, width)), np.zeros(0, _TEXT)
+    try:
+        table = np.loadtxt(rows, dtype, delimiter=separator, comments=None, ndmin=1)
+    except ValueError:
+        return None
+    values, text = np.zeros((len(table), width)), np.zeros(len(table), _TEXT)
+    for i in range(width):
+        if i == text_column:
+            text = table[f"c{i}"]
+        else:
+            values[:, i] = table[f"c{i}"]
+    return (values, text) if np.isfinite(values).all() else None
+
+
+def _refuse_other_widths(table: Table, rows: list[list[str]], widths: tuple[int, ...]) -> None:
+    expected = (len(rows[0]),) if len(rows[0]) in widths else widths
+    for i, row in enumerate(rows):
+        if len(row) not in expected:
+            allowed = " or ".join(map(str, expected))
+            raise table.error(f"expected {allowed} columns, found {len(row)}", i)
+
+
+def _refuse_words(table: Table, rows: list[list[str]], text_column: int | None) -> None:
+    for i, row in enumerate(rows):
+        for column, token in enumerate(row):
+            if column == text_column:
+                continue
+            expected = f"column {column + 1}: expected a"
+            try:
+                value = np.nan if "_" in token else float(token)
+            except ValueError:
+                raise table.error(f"{expected} number, found {token!r}", i) from None
+            if not np.isfinite(value):
+                raise table.error(f"{expected} finite number, found {token!r}", i)
+
+
+def _refuse_cut_number(table: Table, tokens: list[str]) -> None:
+    """For a last line without an end: is its last number shorter than all those above it?"""
+    decimals = [len(token.partition(".")[2]) for token in tokens]
     if len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
-        found = table.columns[-1][-1]
-        raise table.error(f"the file is cut off: its last number is {found!r}", len(table) - 1)
+        message = f"the file is cut off: its last number is {tokens[-1]!r}"
+        raise table.error(message, len(table) - 1)

@@ -170,7 +170,7 @@ BAD_ROWS = [
     (_changed(1, "x"), "column 1: expected a number, found 'x'"),
     (_changed(2, "-1"), "column 2: expected a track id >= 0"),
     (_changed(2, "a"), "column 2: expected a number"),
-    (_changed(2, "1_0"), "column 2: expected a number, found '1_0'"),
+    (_changed(2, "1_0"), "column 2: expected a finite number, found '1_0'"),
     (_changed(3, "Bus"), "column 3: unknown class 'Bus', expected one of Car Van"),
     (_changed(3, "car"), "column 3: unknown class 'car'"),
     (_changed(5, "0.5"), "column 5: expected an integer occlusion"),
