@@ -1,0 +1,35 @@
+"""Rows sorted into frames, track scores, thresholds."""
+
+import numpy as np
+from metric_cases import random_entry, rows
+
+from metrics.comparison import compare, rows_by_frame, track_scores
+from metrics.image_boxes import covered, iou_2d
+
+
+def test_rows_by_frame_keeps_order_and_gives_empty_frames():
+    found = rows_by_frame(np.array([2, 0, 2, 5]), 5)
+    assert [part.tolist() for part in found] == [[1], [], [0, 2], [], []]
+
+
+def test_track_scores_are_means_and_missing_scores_count_minus_one():
+    box, bbox = [[9, 0, 0, 4, 2, 1.5, 0]] * 4, [[0, 0, 1, 1]] * 4
+    tracks = rows("Car", [0, 1, 0, 1], [5, 5, 3, 3], box, bbox, score=[1.0, 4.0, np.nan, 3.0])
+    assert track_scores(tracks).tolist() == [2.5, 2.5, 1.0, 1.0]
+
+
+def test_above_keeps_whole_tracks():
+    entry = random_entry(3)
+    found = compare("0000", entry.num_frames, entry.truth, entry.results, iou_2d, field="bbox")
+    keep = found.above(2.0)
+    for track in np.unique(entry.results.track_id):
+        assert len(set(keep[entry.results.track_id == track])) == 1
+    assert found.above(None).all() and 0 < keep.sum() < len(keep)
+
+
+def test_image_overlap():
+    a = np.array([[0, 0, 10, 10], [0, 0, 0, 10]], float)
+    b = np.array([[5, 0, 15, 10], [20, 20, 30, 30]], float)
+    assert iou_2d(a, b).tolist() == [[50 / 150, 0.0], [0.0, 0.0]]
+    assert covered(a, b).tolist() == [[0.5, 0.0], [0.0, 0.0]]
+    assert iou_2d(a[:0], b).shape == (0, 2)
