@@ -11,20 +11,18 @@ IMAGE_SIZE = (1242, 375)  # left colour camera of KITTI's tracking benchmark, pi
 class SensorConfig:
     """HDL-64E S2 on KITTI's car. Angles in degrees, lengths in metres.
 
-    Nominal elevations are +2 to -8.33 in steps of 1/3 (upper block of 32) and -8.83 to -24.33 in
-    steps of 1/2 (lower block), Velodyne HDL-64E S2 manual. The figures here are a robust line fit
-    z = height + rho * tan(elevation) to each ring of 26 real scans of sequence 0000; the two
-    blocks of lasers sit at different heights in the housing.
+    Nominal elevations are +2 to -8.33 in steps of 1/3 (upper 32 lasers) and -8.83 to -24.33 in
+    steps of 1/2 (lower 32), Velodyne HDL-64E S2 manual. The figures here are a robust line fit
+    z = height + rho * tan(elevation) to each ring of 26 real scans of sequence 0000: lasers sit
+    in groups at different heights in the housing.
     """
 
-    upper_beams: int = 32
-    upper_top_deg: float = 1.94
-    upper_step_deg: float = 0.335
-    upper_height: float = 0.20
-    lower_beams: int = 32
-    lower_top_deg: float = -8.55
-    lower_step_deg: float = 0.505
-    lower_height: float = 0.08
+    # lasers, elevation of the first, step downwards, height of their origin
+    groups: tuple[tuple[int, float, float, float], ...] = (
+        (17, 1.815, 0.341, 0.290),
+        (15, -3.814, 0.331, 0.205),
+        (32, -8.520, 0.495, 0.070),
+    )
     azimuth_step_deg: float = 0.1798  # median step along rings of the real scans; 10 Hz
     period_s: float = 0.1
     mount_height: float = 1.73  # above the ground, Geiger et al., IJRR 2013
@@ -45,11 +43,10 @@ class ReturnConfig:
     Fitted by hand to points per frame and per vehicle of sequence 0000 (see the fidelity table).
     """
 
-    base: float = 0.975
+    base: float = 0.997  # 0.4 % of near rays are missing along the real rings
     slope: float = 2.0
     threshold: float = -11.1
     cosine_power: float = 0.5
-    beam_spread: float = 0.03  # beams differ in how much they drop
     glass_surface: float = 0.12  # share of rays that return from a window pane
     glass_absorbed: float = 0.55  # share that is lost; the rest goes through
     interior_return: float = 0.7

@@ -18,8 +18,9 @@ class Body:
     """A union of convex parts in the box's own frame: x forward, y left, z up, origin at centre.
 
     planes (P, K, 4) f32: a point p is inside a part if n . p <= d for its K planes (n unit or 0);
-    reflectivity (P,) f32; interior (P,) bool: seen through glass only; porosity (P,) f32: share
-    of rays that pass (spokes, frames); glass (P, K) bool faces with window panes;
+    reflectivity, gloss (P,) f32 (a glossy part reflects away what does not meet it squarely:
+    power falls with cosine ** (power * (1 + gloss))); interior (P,) bool: seen through glass
+    only; porosity (P,) f32: share of rays that pass (spokes, frames); glass (P, K) bool faces with window panes;
     pane (4,) f32: x from, x to, z from, z to within which a glass face is glass (else paint);
     pillars (n,) f32: x of the pillars that divide the side windows;
     spheres (P, 4) f32: centre and radius of a ball around each part.
@@ -27,6 +28,7 @@ class Body:
 
     planes: np.ndarray
     reflectivity: np.ndarray
+    gloss: np.ndarray
     interior: np.ndarray
     porosity: np.ndarray
     glass: np.ndarray
@@ -88,7 +90,8 @@ class BodyHits:
 
     outline (R,) f32: distance at which the ray meets the body at all (FAR where it misses);
     distance (R,) f32: distance of the return, FAR where the ray goes through;
-    reflectivity (R,) f32, 0 where the ray is swallowed; cosine (R,) f32 of the incidence.
+    reflectivity (R,) f32, 0 where the ray is swallowed; cosine (R,) f32 of the incidence, to the
+    power of 1 + gloss.
     """
 
     outline: np.ndarray
@@ -114,6 +117,7 @@ def cast_body(body: Body, origin, direction, rng, returns) -> BodyHits:
     met = outline < FAR
     result = outline.copy()
     cosine = np.abs(np.einsum("ij,ij->i", body.planes[part, entry, :3], direction))
+    cosine **= 1 + body.gloss[part]
     glass = met & body.glass[part, entry]
     if glass.any():
         index = np.flatnonzero(glass)

@@ -18,6 +18,7 @@ class Part:
     reflectivity: float
     interior: bool = False
     porosity: float = 0.0
+    gloss: float = 0.0
     glass: tuple[int, ...] = ()
 
 
@@ -43,6 +44,7 @@ def assemble(parts: list[Part], pane: Pane | None = None) -> Body:
     return Body(
         planes=planes,
         reflectivity=np.array([part.reflectivity for part in parts], np.float32),
+        gloss=np.array([part.gloss for part in parts], np.float32),
         interior=np.array([part.interior for part in parts]),
         porosity=np.array([part.porosity for part in parts], np.float32),
         glass=glass,

@@ -31,9 +31,9 @@ class Setting:
 
 
 SETTINGS = {
-    "city": Setting(0.8, (3.0, 6.0), (8.0, 18.0), 0.15, 22.0, 18.0, 35.0, 0.95),
-    "residential": Setting(0.55, (5.0, 12.0), (5.0, 10.0), 0.7, 14.0, 24.0, 40.0, 0.9),
-    "road": Setting(0.1, (8.0, 25.0), (4.0, 9.0), 0.4, 12.0, 35.0, 90.0, 0.75),
+    "city": Setting(0.9, (2.5, 5.0), (8.0, 18.0), 0.3, 16.0, 15.0, 25.0, 0.97),
+    "residential": Setting(0.75, (3.0, 8.0), (5.0, 10.0), 0.9, 9.0, 20.0, 25.0, 0.97),
+    "road": Setting(0.2, (6.0, 20.0), (4.0, 9.0), 0.7, 7.0, 28.0, 60.0, 0.9),
 }
 
 
@@ -67,7 +67,7 @@ def furnish(site: Site, path, kerb: float, setting: Setting, rng) -> None:
         _street_furniture(site, line, setting, rng)
         _front_gardens(site, line, setting, rng)
         _facades(site, line, setting, rng)
-        for offset in (18.0, 30.0, 45.0):
+        for offset in (13.0, 20.0, 30.0, 42.0, 55.0):
             _backdrop(site, line, offset, setting.backdrop, rng)
 
 
@@ -148,12 +148,12 @@ def _front_gardens(site: Site, line: Line, setting: Setting, rng) -> None:
         if rng.random() < setting.fence:
             kind = rng.integers(4)
             width = (0.25, 0.1, 0.9, 1.6)[kind]
-            for offset in np.arange(rng.uniform(1.8, 4.0), 16.0, 0.9):
+            for offset in np.arange(rng.uniform(0.8, 3.0), 16.0, 0.8):
                 center, yaw = line.spot(s + length / 2, offset)
                 if site.place(center, yaw, length, width):
                     _boundary(site, kind, center, yaw, length, width, rng)
                     break
-        s += length + (0.3 if rng.random() < 0.6 else rng.uniform(2, 8))
+        s += length + (0.2 if rng.random() < 0.75 else rng.uniform(1, 5))
 
 
 def _boundary(site: Site, kind, center, yaw, length, width, rng) -> None:
@@ -180,7 +180,7 @@ def _facades(site: Site, line: Line, setting: Setting, rng) -> None:
                     color = rng.uniform(0.3, 0.7)
                     site.world.add_box(*center, yaw, length, depth, low - 2, top, color, windows=1)
                     break
-        s += length + (0.5 if rng.random() < setting.facade else rng.uniform(2, 12))
+        s += length + (0.5 if rng.random() < setting.facade else rng.uniform(2, 9))
 
 
 def _backdrop(site: Site, line: Line, offset: float, share: float, rng) -> None:

@@ -147,8 +147,6 @@ def _measure(rays, distance, reflectivity, cosine, owner, counts, rng, sensor, r
     power = reflectivity * np.maximum(cosine, 1e-3) ** returns.cosine_power
     margin = np.log(np.maximum(power, 1e-9)) - 2 * np.log(np.clip(distance, 0.5, 1e4))
     chance = returns.base / (1 + np.exp(-returns.slope * (margin - returns.threshold)))
-    spread = returns.beam_spread * ((np.arange(len(distance)) * 0.7548777) % 1.0)
-    chance = chance * (1 - spread[:, None])
     kept = (rng.random(distance.shape) < chance) & (reflectivity > 0)
     kept &= (distance < sensor.max_range) & (distance > sensor.min_range)
     noise = rng.normal(0, sensor.range_noise, distance.shape).astype(np.float32)

@@ -33,12 +33,9 @@ class Rays:
 
 def beam_table(config: SensorConfig = SENSOR) -> tuple[np.ndarray, np.ndarray]:
     """Elevations (64,) in radians, top to bottom, and heights (64,) of the beams' origins."""
-    upper = config.upper_top_deg - config.upper_step_deg * np.arange(config.upper_beams)
-    lower = config.lower_top_deg - config.lower_step_deg * np.arange(config.lower_beams)
-    heights = np.repeat(
-        [config.upper_height, config.lower_height], [config.upper_beams, config.lower_beams]
-    )
-    return np.radians(np.concatenate([upper, lower])), heights
+    elevation = [top - step * np.arange(count) for count, top, step, _ in config.groups]
+    heights = [np.full(count, height) for count, _, _, height in config.groups]
+    return np.radians(np.concatenate(elevation)), np.concatenate(heights)
 
 
 def make_rays(
