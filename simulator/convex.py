@@ -19,8 +19,10 @@ class Body:
 
     planes (P, K, 4) f32: a point p is inside a part if n . p <= d for its K planes (n unit or 0);
     reflectivity, gloss (P,) f32 (a glossy part reflects away what does not meet it squarely:
-    power falls with cosine ** (power * (1 + gloss))); interior (P,) bool: seen through glass
-    only; porosity (P,) f32: share of rays that pass (spokes, frames); glass (P, K) bool faces with window panes;
+    power falls with cosine ** (power * (1 + gloss)));
+    interior (P,) bool: seen through glass only;
+    porosity (P,) f32: share of rays that pass (spokes, frames);
+    glass (P, K) bool: faces with window panes;
     pane (4,) f32: x from, x to, z from, z to within which a glass face is glass (else paint);
     pillars (n,) f32: x of the pillars that divide the side windows;
     spheres (P, 4) f32: centre and radius of a ball around each part.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from kitti.calibration import Calibration
 from kitti.scans import in_camera_view
 from simulator.scan import Scene, Sweep, sweep
-from simulator.sensor import make_rays
+from simulator.sensor import Rays, make_rays
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,17 @@ def take_sweep(
 
     ego_velocity: (vx, vy, yaw rate) of the car in its own frame; used with motion_distortion.
     """
-    velocity = ego_velocity if options.motion_distortion else None
-    rays = make_rays(calib, full=options.full, velocity=velocity)
+    rays = _rays(calib, options.full, ego_velocity if options.motion_distortion else None)
     result = sweep(scene, rays, np.random.default_rng(seed))
     if options.full:
         return result
     seen = in_camera_view(calib.velo_to_level(result.points[:, :3]), calib, image_size)
     return Sweep(result.points[seen], result.owner[seen], result.rays, result.seen)
+
+
+@lru_cache(maxsize=4)
+def _rays(calib: Calibration, full: bool, velocity: tuple[float, float, float] | None) -> Rays:
+    return make_rays(calib, full=full, velocity=velocity)
 
 
 def ego_velocity(poses: np.ndarray, frame: int, period_s: float) -> tuple[float, float, float]:

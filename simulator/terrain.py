@@ -53,13 +53,14 @@ class Terrain:
         beams, count = columns.slope.shape
         result = np.full((beams, count), FAR, np.float32)
         first = np.empty((beams, count), np.int64)
+        lift = 1e3 * np.arange(count)  # makes one sorted row of all columns
         for height in np.unique(columns.height):
             rows = np.flatnonzero(columns.height == height)
-            sight = np.maximum.accumulate((ground - height) / radius, axis=1)
-            for column in range(count):
-                first[rows, column] = np.searchsorted(
-                    sight[column], columns.slope[rows, column], side="right"
-                )
+            sight = np.maximum.accumulate((ground - height) / radius, axis=1).astype(np.float64)
+            found = np.searchsorted(
+                (sight + lift[:, None]).ravel(), columns.slope[rows] + lift, side="right"
+            )
+            first[rows] = found - np.arange(count) * len(radius)
         hit = (first > 0) & (first < len(radius))
         b, c = np.nonzero(hit)
         far, near = radius[first[b, c]], radius[first[b, c] - 1]
