@@ -1,0 +1,116 @@
+"""Batch normalisation with ReLU, and with the maximum, against TensorFlow's own ops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tensorflow as tf
+
+from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
+
+EPSILON = 1e-3
+
+
+def plain(x, gamma, beta):
+    """relu(batch norm) of the rows of x, by TensorFlow, with gradients through the moments."""
+    mean, variance = tf.nn.moments(x, [0])
+    y = gamma * (x - mean) / tf.sqrt(variance + EPSILON) + beta
+    return tf.nn.relu(y), mean, variance
+
+
+def inputs(rows, channels, seed=0, offset=0.0):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(offset, 2.0, (rows, channels)).astype(np.float32)
+    gamma = rng.normal(0, 1, channels).astype(np.float32)  # both signs
+    beta = rng.normal(0, 1, channels).astype(np.float32)
+    return x, gamma, beta
+
+
+@pytest.mark.parametrize("rows", [1, 2, 255, 256, 257, 3000])
+@pytest.mark.parametrize("channels", [1, 3, 32, 130])
+def test_forward_equals_tensorflow(rows, channels):
+    x, gamma, beta = inputs(rows, channels)
+    for found, expected in zip(batch_norm_relu(x, gamma, beta, EPSILON),
+                               plain(x, gamma, beta), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_variance_survives_a_large_mean():
+    x, gamma, beta = inputs(5000, 4, offset=1000.0)
+    _, mean, variance = batch_norm_relu(x, gamma, beta, EPSILON)
+    np.testing.assert_allclose(mean, x.astype(np.float64).mean(0), rtol=1e-6)
+    np.testing.assert_allclose(variance, x.astype(np.float64).var(0), rtol=1e-4)
+
+
+@pytest.mark.parametrize("rows", [2, 257, 1000])
+def test_gradient_equals_tensorflow(rows):
+    x, gamma, beta = (tf.constant(v) for v in inputs(rows, 19))
+    weight = tf.constant(np.random.default_rng(1).normal(size=(rows, 19)).astype(np.float32))
+    gradients = []
+    for op in (lambda *a: batch_norm_relu(*a, EPSILON)[0], lambda *a: plain(*a)[0]):
+        with tf.GradientTape() as tape:
+            tape.watch([x, gamma, beta])
+            loss = tf.reduce_sum(op(x, gamma, beta) * weight)
+        gradients.append(tape.gradient(loss, [x, gamma, beta]))
+    for found, expected in zip(*gradients, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-4)
+
+
+@pytest.mark.parametrize(("groups", "size"), [(1, 1), (7, 5), (300, 32), (3, 500)])
+def test_max_equals_tensorflow(groups, size):
+    x, gamma, beta = (tf.constant(v) for v in inputs(groups * size, 17))
+    weight = tf.constant(np.random.default_rng(1).normal(size=(groups, 17)).astype(np.float32))
+
+    def fused(x, gamma, beta):
+        return batch_norm_relu_max(tf.reshape(x, [groups, size, 17]), gamma, beta, EPSILON)[0]
+
+    def separate(x, gamma, beta):
+        return tf.reduce_max(tf.reshape(plain(x, gamma, beta)[0], [groups, size, 17]), 1)
+
+    values, gradients = [], []
+    for op in (fused, separate):
+        with tf.GradientTape() as tape:
+            tape.watch([x, gamma, beta])
+            y = op(x, gamma, beta)
+            loss = tf.reduce_sum(y * weight)
+        values.append(y)
+        gradients.append(tape.gradient(loss, [x, gamma, beta]))
+    np.testing.assert_allclose(*values, rtol=1e-4, atol=1e-5)
+    for found, expected in zip(*gradients, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=2e-3, atol=5e-4)
+
+
+def test_results_do_not_depend_on_the_run():
+    x, gamma, beta = inputs(20_000, 64)
+    first, second = (batch_norm_relu(x, gamma, beta, EPSILON) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_empty():
+    y, mean, variance = batch_norm_relu(np.zeros((0, 3), np.float32), np.ones(3, np.float32),
+                                        np.zeros(3, np.float32), EPSILON)
+    assert y.shape == (0, 3)
+    np.testing.assert_array_equal(mean, 0)
+    np.testing.assert_array_equal(variance, 0)
+
+
+def test_wrong_shapes_are_named():
+    x, gamma, beta = inputs(4, 3)
+    with pytest.raises(tf.errors.InvalidArgumentError, match=r"must have shape \(C\) = \(3\)"):
+        batch_norm_relu(x, gamma[:2], beta, EPSILON)
+    with pytest.raises((tf.errors.InvalidArgumentError, ValueError), match="rank 3|G, K, C"):
+        batch_norm_relu_max(x, gamma, beta, EPSILON)
+
+
+def test_shapes_under_unknown_batch():
+    @tf.function(input_signature=[tf.TensorSpec([None, 32, 5]), tf.TensorSpec([5]),
+                                  tf.TensorSpec([5])])
+    def pooled(x, gamma, beta):
+        y, mean, _ = batch_norm_relu_max(x, gamma, beta, EPSILON)
+        assert y.shape.as_list() == [None, 5]
+        assert mean.shape.as_list() == [5]
+        return y
+
+    x, gamma, beta = inputs(64, 5)
+    assert pooled(x.reshape(2, 32, 5), gamma, beta).shape == (2, 5)

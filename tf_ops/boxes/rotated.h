@@ -1,0 +1,136 @@
+// Upright boxes (x, y, z, l, w, h, yaw) and how they overlap. Knows nothing of TensorFlow; computed
+// in double, since areas are differences of large numbers.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+namespace ptn {
+
+constexpr int kBoxSize = 7;
+
+struct RotatedBox {
+  double x, y, z, length, width, height, cosine, sine, reach;
+
+  explicit RotatedBox(const float* b)
+      : x(b[0]),
+        y(b[1]),
+        z(b[2]),
+        length(b[3]),
+        width(b[4]),
+        height(b[5]),
+        cosine(std::cos(static_cast<double>(b[6]))),
+        sine(std::sin(static_cast<double>(b[6]))),
+        reach(0.5 * std::hypot(length, width)) {}
+
+  double area() const { return length * width; }
+  double volume() const { return area() * height; }
+
+  // Whether the point lies inside or on the surface.
+  bool holds(const float* p) const {
+    if (std::abs(p[2] - z) > 0.5 * height) return false;
+    const double dx = p[0] - x, dy = p[1] - y;
+    return std::abs(cosine * dx + sine * dy) <= 0.5 * length &&
+           std::abs(cosine * dy - sine * dx) <= 0.5 * width;
+  }
+};
+
+inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
+  std::vector<RotatedBox> result;
+  result.reserve(static_cast<size_t>(count));
+  for (int64_t i = 0; i < count; ++i) result.emplace_back(boxes + i * kBoxSize);
+  return result;
+}
+
+// A convex polygon with room for a rectangle that is cut by four lines.
+struct Polygon {
+  double x[8], y[8];
+  int size = 0;
+
+  void add(double px, double py) {
+    x[size] = px;
+    y[size++] = py;
+  }
+
+  // What is left where a x + b y <= limit (Sutherland and Hodgman, 1974).
+  Polygon cut(double a, double b, double limit) const {
+    Polygon result;
+    for (int i = 0; i < size; ++i) {
+      const int j = i + 1 < size ? i + 1 : 0;
+      const double here = limit - (a * x[i] + b * y[i]), next = limit - (a * x[j] + b * y[j]);
+      if (here >= 0) result.add(x[i], y[i]);
+      if ((here > 0 && next < 0) || (here < 0 && next > 0)) {
+        const double t = here / (here - next);
+        result.add(x[i] + t * (x[j] - x[i]), y[i] + t * (y[j] - y[i]));
+      }
+    }
+    return result;
+  }
+
+  double area() const {
+    double twice = 0;
+    for (int i = 1; i + 1 < size; ++i) {
+      twice += (x[i] - x[0]) * (y[i + 1] - y[0]) - (x[i + 1] - x[0]) * (y[i] - y[0]);
+    }
+    return 0.5 * twice;
+  }
+};
+
+// Area that two boxes share, seen from above.
+inline double shared_area(const RotatedBox& p, const RotatedBox& q) {
+  const double dx = p.x - q.x, dy = p.y - q.y, reach = p.reach + q.reach;
+  if (dx * dx + dy * dy > reach * reach) return 0;
+  // Corners of p in the frame of q, counter-clockwise; there q is |x| <= l / 2, |y| <= w / 2.
+  const double cx = q.cosine * dx + q.sine * dy, cy = q.cosine * dy - q.sine * dx;
+  const double cosine = p.cosine * q.cosine + p.sine * q.sine;
+  const double sine = p.sine * q.cosine - p.cosine * q.sine;
+  const double lx = 0.5 * p.length * cosine, ly = 0.5 * p.length * sine;
+  const double wx = -0.5 * p.width * sine, wy = 0.5 * p.width * cosine;
+  Polygon polygon;
+  polygon.add(cx + lx + wx, cy + ly + wy);
+  polygon.add(cx - lx + wx, cy - ly + wy);
+  polygon.add(cx - lx - wx, cy - ly - wy);
+  polygon.add(cx + lx - wx, cy + ly - wy);
+  const double half_length = 0.5 * q.length, half_width = 0.5 * q.width;
+  polygon = polygon.cut(1, 0, half_length).cut(-1, 0, half_length);
+  return std::max(0.0, polygon.cut(0, 1, half_width).cut(0, -1, half_width).area());
+}
+
+// Shared part over the union, 0 where the union is empty.
+inline double over_union(double shared, double first, double second) {
+  const double whole = first + second - shared;
+  return whole > 0 ? std::min(1.0, shared / whole) : 0;
+}
+
+inline double iou_bev(const RotatedBox& p, const RotatedBox& q) {
+  return over_union(shared_area(p, q), p.area(), q.area());
+}
+
+inline double iou_3d(const RotatedBox& p, const RotatedBox& q) {
+  const double top = std::min(p.z + 0.5 * p.height, q.z + 0.5 * q.height);
+  const double bottom = std::max(p.z - 0.5 * p.height, q.z - 0.5 * q.height);
+  if (top <= bottom) return 0;
+  return over_union(shared_area(p, q) * (top - bottom), p.volume(), q.volume());
+}
+
+// Greedy suppression: takes boxes by falling score, ties by index, and drops those whose BEV IoU
+// with one already taken is above the threshold.
+inline std::vector<int32_t> suppress(const std::vector<RotatedBox>& boxes, const float* scores,
+                                     double iou_threshold, int64_t max_output) {
+  std::vector<int32_t> order(boxes.size()), kept;
+  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int32_t>(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [scores](int32_t a, int32_t b) { return scores[a] > scores[b]; });
+  for (const int32_t candidate : order) {
+    if (static_cast<int64_t>(kept.size()) >= max_output) break;
+    const bool free = std::none_of(kept.begin(), kept.end(), [&](int32_t k) {
+      return iou_bev(boxes[k], boxes[candidate]) > iou_threshold;
+    });
+    if (free) kept.push_back(candidate);
+  }
+  return kept;
+}
+
+}  // namespace ptn
