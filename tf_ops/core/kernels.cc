@@ -1,5 +1,8 @@
 #include "core/kernels.h"
 
+#include <cstdlib>
+#include <cstring>
+
 namespace ptn {
 
 #if defined(PTN_NATIVE) || !defined(__x86_64__)
@@ -22,18 +25,24 @@ namespace avx512 {
 extern const Kernels kKernels;
 }
 
-static const Kernels& best() {
+// Of the instruction sets that this processor has, the one that TF_OPS_INSTRUCTIONS names (for
+// tests and measurements), by default the widest.
+static const Kernels& choose() {
   __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
+  const char* name = std::getenv("TF_OPS_INSTRUCTIONS");
+  const auto wanted = [name](const Kernels& set) {
+    return name == nullptr || std::strcmp(name, set.name) == 0;
+  };
+  if (wanted(avx512::kKernels) && __builtin_cpu_supports("avx512f") &&
+      __builtin_cpu_supports("avx512dq")) {
     return avx512::kKernels;
   }
-  if (__builtin_cpu_supports("avx2")) return avx2::kKernels;
+  if (wanted(avx2::kKernels) && __builtin_cpu_supports("avx2")) return avx2::kKernels;
   return portable::kKernels;
 }
 
 const Kernels& kernels() {
-  static const Kernels& chosen = best();
+  static const Kernels& chosen = choose();
   return chosen;
 }
 

@@ -3,11 +3,11 @@
 # define PTN_SIMD 512
 # define PTN_ISA avx512
 # if defined(__clang__)
-#  pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,popcnt,bmi"))), \
+#  pragma clang attribute push(__attribute__((target("avx512f,avx512dq,popcnt,bmi"))), \
                                apply_to = function)
 # else
 #  pragma GCC push_options
-#  pragma GCC target("avx512f,avx512dq,avx512vl,avx512bw,popcnt,bmi")
+#  pragma GCC target("avx512f,avx512dq,popcnt,bmi")
 # endif
 # include "core/kernels_isa.h"
 # if defined(__clang__)
