@@ -1,0 +1,140 @@
+"""Simulated against real scans: KITTI tracking sequence 0000, replayed from its own labels.
+
+`python -m experiments.simulator_fidelity --data_root ../shared/kitti --out DIR` simulates the
+frames that have real scans, prints the table (goals beside it), writes it to DIR/fidelity.json
+and draws bird's-eye views and range images side by side. Without the data it says so and ends.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence as Seq
+from pathlib import Path
+
+import numpy as np
+
+from common.files import write_json
+from common.flags import ArgumentParser, non_negative_int, positive_int, run
+from common.progress import progress
+from common.provenance import provenance
+from kitti.sequence import Sequence
+from simulator.fidelity import compare_frame, summarise
+from simulator.frames import Options, take_sweep
+from simulator.replay import Replay, replay
+
+GOALS = {
+    "points per frame, ratio": (0.85, 1.15),
+    "points per vehicle, median ratio": (0.8, 1.25),
+    "points per vehicle, Spearman": (0.85, 1.0),
+    "points per vehicle 0-15 m, median ratio": (0.7, 1.4),
+    "points per vehicle 15-30 m, median ratio": (0.7, 1.4),
+    "points per vehicle 30-50 m, median ratio": (0.7, 1.4),
+    "beams per vehicle, median ratio": (0.8, 1.2),
+    "beams per vehicle, mean ratio": (0.8, 1.2),
+}
+
+
+def parser() -> ArgumentParser:
+    """The flags."""
+    result = ArgumentParser(description=__doc__)
+    result.add_argument("--data_root", type=Path, default=Path("../shared/kitti"), help="KITTI")
+    result.add_argument("--out", type=Path, required=True, help="folder for table and pictures")
+    result.add_argument("--seq", type=non_negative_int, default=0, help="sequence with scans")
+    result.add_argument("--every", type=positive_int, default=1, help="use every n-th frame")
+    result.add_argument("--seeds", type=positive_int, default=3, help="worlds to average over")
+    result.add_argument(
+        "--pictures", type=non_negative_int, nargs="*", default=[20, 140], help="frames to draw"
+    )
+    return result
+
+
+def simulate(sequence: Sequence, world: Replay, frame: int, seed: int) -> np.ndarray:
+    """A simulated scan (n, 4) of the level frame."""
+    where = (sequence.calib, sequence.image_size, Options(), (seed, sequence.seq, frame))
+    points = take_sweep(world.scene(frame), *where).points
+    points[:, :3] = sequence.calib.velo_to_level(points[:, :3])
+    return points
+
+
+def table(rows: dict[str, float | int | None]) -> str:
+    """The figures as a Markdown table with the goals."""
+    lines = ["| figure | value | goal |", "|---|---|---|"]
+    for name, value in rows.items():
+        shown = "-" if value is None else f"{value}" if isinstance(value, int) else f"{value:.3f}"
+        goal = "{} to {}".format(*GOALS[name]) if name in GOALS else ""
+        lines.append(f"| {name} | {shown} | {goal} |")
+    return "\n".join(lines)
+
+
+def draw(path: Path, sequence: Sequence, pairs: list[tuple[int, np.ndarray, np.ndarray]]) -> None:
+    """Bird's-eye views and range images; pairs of (frame, real, simulated) level-frame scans."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2 * len(pairs), 2, figsize=(11, 6.4 * len(pairs)), squeeze=False)
+    for index, (frame, *scans) in enumerate(pairs):
+        boxes = sequence.objects.at(frame).of_classes(("Car", "Van")).boxes
+        for side, (name, scan) in enumerate(zip(("real", "simulated"), scans, strict=True)):
+            _bird(axes[2 * index, side], scan, boxes, f"{name}, frame {frame}, {len(scan)} points")
+            _range_image(axes[2 * index + 1, side], sequence.calib.level_to_velo(scan[:, :3]))
+    figure.tight_layout()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
+
+
+def _bird(axes, scan, boxes, title: str) -> None:
+    from kitti.boxes import box_corners
+
+    axes.scatter(scan[:, 0], scan[:, 1], s=0.3, c=np.clip(scan[:, 2], -2, 1.5), cmap="turbo")
+    for corners in box_corners(boxes)[:, [0, 1, 2, 3, 0], :2]:
+        axes.plot(corners[:, 0], corners[:, 1], "k-", linewidth=0.8)
+    axes.set(xlim=(0, 75), ylim=(-25, 35), aspect="equal", title=title, xlabel="m", ylabel="m")
+
+
+def _range_image(axes, xyz) -> None:
+    flat = np.hypot(xyz[:, 0], xyz[:, 1])
+    azimuth, up = (
+        -np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])),
+        np.degrees(np.arctan2(xyz[:, 2] - 0.2, flat)),
+    )
+    axes.scatter(azimuth, up, s=0.4, c=np.log(flat), cmap="turbo_r", marker="s")
+    axes.set(xlim=(-42, 42), ylim=(-17, 3.5), xlabel="azimuth, degrees", ylabel="elevation")
+
+
+def main(argv: Seq[str] | None = None) -> int:
+    """Prints the table and writes it; returns 0 also where the data are absent."""
+    flags = parser().parse_args(argv)
+    if not (flags.data_root / "training" / "velodyne" / f"{flags.seq:04d}").is_dir():
+        print(f"skipped: no real scans of sequence {flags.seq:04d} in {flags.data_root}")
+        return 0
+    sequence = Sequence(flags.data_root, flags.seq)
+    usable = [frame for frame in sequence.frames if sequence.has_scan(frame)]
+    figures, pairs = [], []
+    for seed in range(1, flags.seeds + 1):
+        world = replay(sequence, np.random.default_rng((seed, flags.seq, 2**20)))
+        frames = usable[:: flags.every]
+        for frame in progress(frames, len(frames), f"world {seed}", "frames"):
+            real, made = sequence.read_points_level(frame), simulate(sequence, world, frame, seed)
+            boxes = sequence.objects.at(frame).of_classes(("Car", "Van")).boxes
+            figures.append(compare_frame(real, made, boxes, sequence.calib))
+        if seed == 1:
+            pairs = [
+                (f, sequence.read_points_level(f), simulate(sequence, world, f, seed))
+                for f in flags.pictures
+            ]
+    rows = summarise(figures)
+    print(table(rows))
+    missed = [k for k, (a, b) in GOALS.items() if rows[k] is None or not a <= rows[k] <= b]
+    print("goals missed: " + (", ".join(missed) or "none"), file=sys.stderr)
+    record = provenance(figures=rows, goals=GOALS, missed=missed, seeds=flags.seeds)
+    write_json(flags.out / "fidelity.json", record)
+    if pairs:
+        draw(flags.out / "fidelity.png", sequence, pairs)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))
