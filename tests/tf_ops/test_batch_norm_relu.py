@@ -30,8 +30,9 @@ def inputs(rows, channels, seed=0, offset=0.0):
 @pytest.mark.parametrize("channels", [1, 3, 32, 130])
 def test_forward_equals_tensorflow(rows, channels):
     x, gamma, beta = inputs(rows, channels)
-    for found, expected in zip(batch_norm_relu(x, gamma, beta, EPSILON),
-                               plain(x, gamma, beta), strict=True):
+    for found, expected in zip(
+        batch_norm_relu(x, gamma, beta, EPSILON), plain(x, gamma, beta), strict=True
+    ):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
@@ -88,8 +89,9 @@ def test_results_do_not_depend_on_the_run():
 
 
 def test_empty():
-    y, mean, variance = batch_norm_relu(np.zeros((0, 3), np.float32), np.ones(3, np.float32),
-                                        np.zeros(3, np.float32), EPSILON)
+    y, mean, variance = batch_norm_relu(
+        np.zeros((0, 3), np.float32), np.ones(3, np.float32), np.zeros(3, np.float32), EPSILON
+    )
     assert y.shape == (0, 3)
     np.testing.assert_array_equal(mean, 0)
     np.testing.assert_array_equal(variance, 0)
@@ -104,8 +106,9 @@ def test_wrong_shapes_are_named():
 
 
 def test_shapes_under_unknown_batch():
-    @tf.function(input_signature=[tf.TensorSpec([None, 32, 5]), tf.TensorSpec([5]),
-                                  tf.TensorSpec([5])])
+    @tf.function(
+        input_signature=[tf.TensorSpec([None, 32, 5]), tf.TensorSpec([5]), tf.TensorSpec([5])]
+    )
     def pooled(x, gamma, beta):
         y, mean, _ = batch_norm_relu_max(x, gamma, beta, EPSILON)
         assert y.shape.as_list() == [None, 5]

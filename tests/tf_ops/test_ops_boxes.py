@@ -1,0 +1,164 @@
+"""box_iou_3d, box_iou_bev, points_in_boxes, nms_3d against shapely, NumPy and hand-made cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import tensorflow as tf
+
+from tf_ops import box_iou_3d, box_iou_bev, nms_3d, points_in_boxes
+
+InvalidArgument = tf.errors.InvalidArgumentError
+
+
+def random_boxes(count: int, seed: int = 0, spread: float = 4.0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    centre = rng.uniform(-spread, spread, (count, 3)) * [1, 1, 0.3]
+    size, yaw = rng.uniform(0.3, 5, (count, 3)), rng.uniform(-7, 7, (count, 1))
+    return np.concatenate([centre, size, yaw], 1).astype(np.float32)
+
+
+def corners(boxes: np.ndarray) -> np.ndarray:
+    """(M, 7) -> (M, 4, 2), counter-clockwise from the front left."""
+    x, y, _, length, width, _, yaw = boxes.astype(np.float64).T
+    along = np.stack([np.cos(yaw), np.sin(yaw)], -1) * 0.5 * length[:, None]
+    across = np.stack([-np.sin(yaw), np.cos(yaw)], -1) * 0.5 * width[:, None]
+    centre = np.stack([x, y], -1)
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    return np.stack([centre + a * along + b * across for a, b in signs], 1)
+
+
+def reference_iou(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """3-D and bird's-eye-view IoU by shapely."""
+    p, q = shapely.polygons(corners(a))[:, None], shapely.polygons(corners(b))[None]
+    shared = shapely.area(shapely.intersection(p, q))
+    areas = shapely.area(p), shapely.area(q)
+    low, high = ([x[:, 2] + s * 0.5 * x[:, 5] for x in (a, b)] for s in (-1, 1))
+    tall = np.minimum.outer(high[0], high[1]) - np.maximum.outer(low[0], low[1])
+    volume = shared * np.maximum(tall, 0)
+    volumes = areas[0] * a[:, None, 5], areas[1] * b[None, :, 5]
+    return volume / (sum(volumes) - volume), shared / (sum(areas) - shared)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_iou_matches_shapely(seed):
+    a, b = random_boxes(70, seed), random_boxes(60, seed + 10)
+    expected_3d, expected_bev = reference_iou(a, b)
+    assert 0.2 < (expected_3d > 0).mean() < 0.9
+    np.testing.assert_allclose(box_iou_3d(a, b), expected_3d, atol=2e-6)
+    np.testing.assert_allclose(box_iou_bev(a, b), expected_bev, atol=2e-6)
+
+
+def test_iou_by_hand():
+    unit = [0, 0, 0, 2, 2, 2, 0]
+    others = [
+        unit,
+        [1, 0, 0, 2, 2, 2, 0],  # half shared: 4 / 12
+        [0, 0, 1, 2, 2, 2, 0],  # the same in z alone
+        [2, 0, 0, 2, 2, 2, 0],  # a face in common
+        [0, 0, 0, 2, 2, 2, np.pi / 2],
+        [0, 0, 0, 2, 2, 2, np.pi / 4],  # an octagon: 8 (sqrt 2 - 1) of 4
+        [0, 0, 0, 0, 2, 2, 0],  # empty
+    ]
+    octagon = 8 * (np.sqrt(2) - 1)
+    diagonal = octagon / (8 - octagon)
+    expected = [1, 1 / 3, 1 / 3, 0, 1, diagonal, 0]
+    np.testing.assert_allclose(box_iou_3d([unit], others), [expected], atol=1e-6)
+    expected[2] = 1
+    np.testing.assert_allclose(box_iou_bev([unit], others), [expected], atol=1e-6)
+    assert box_iou_3d([others[6]], [others[6]]).numpy() == 0
+
+
+def test_boxes_in_batches():
+    a, b = random_boxes(12), random_boxes(10, 1)
+    batched = box_iou_3d(a.reshape(2, 6, 7), b.reshape(2, 5, 7)).numpy()
+    alone = np.stack([box_iou_3d(a[:6], b[:5]), box_iou_3d(a[6:], b[5:])])
+    np.testing.assert_array_equal(batched, alone)
+    points = a[:, :3].reshape(2, 6, 3)
+    batched = points_in_boxes(points, b.reshape(2, 5, 7)).numpy()
+    alone = [points_in_boxes(points[i], b[5 * i : 5 * i + 5]).numpy() for i in range(2)]
+    np.testing.assert_array_equal(batched, alone)
+
+
+def test_points_in_boxes_matches_numpy():
+    boxes, rng = random_boxes(20), np.random.default_rng(0)
+    points = rng.uniform(-6, 6, (3000, 3)).astype(np.float32)
+    local = points[:, None].astype(np.float64) - boxes[None, :, :3]
+    cosine, sine = np.cos(boxes[:, 6].astype(np.float64)), np.sin(boxes[:, 6].astype(np.float64))
+    turned = np.stack(
+        [
+            cosine * local[..., 0] + sine * local[..., 1],
+            cosine * local[..., 1] - sine * local[..., 0],
+            local[..., 2],
+        ],
+        -1,
+    )
+    inside = (np.abs(turned) <= 0.5 * boxes[None, :, 3:6]).all(-1)
+    expected = np.where(inside.any(1), inside.argmax(1), -1)
+    assert 0.1 < (expected >= 0).mean() < 0.9
+    np.testing.assert_array_equal(points_in_boxes(points, boxes), expected)
+
+
+def test_the_surface_belongs_to_the_box_and_the_first_box_wins():
+    boxes = [[0, 0, 0, 2, 2, 2, 0], [1, 0, 0, 2, 2, 2, 0]]
+    points = [[1, 1, 1], [0.5, 0, 0], [1.5, 0, 0], [2, -1, -1], [2.001, 0, 0]]
+    assert points_in_boxes(points, boxes).numpy().tolist() == [0, 0, 1, 1, -1]
+
+
+def reference_nms(boxes, scores, threshold, most):
+    iou, kept = reference_iou(boxes, boxes)[1], []
+    for i in np.argsort(-scores, kind="stable"):
+        if all(iou[i, k] <= threshold for k in kept):
+            kept.append(i)
+    return kept[:most]
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("most", [1, 5, 1000])
+def test_nms_matches_numpy(threshold, most):
+    boxes = random_boxes(80)
+    scores = np.random.default_rng(1).integers(0, 30, 80).astype(np.float32)
+    kept = nms_3d(boxes, scores, threshold, most).numpy().tolist()
+    assert kept == reference_nms(boxes, scores, threshold, most)
+
+
+def test_empty():
+    none, some = np.zeros((0, 7), np.float32), random_boxes(3)
+    assert box_iou_3d(none, some).shape == (0, 3)
+    assert box_iou_bev(some, none).shape == (3, 0)
+    assert points_in_boxes(np.zeros((2, 3)), none).numpy().tolist() == [-1, -1]
+    assert points_in_boxes(np.zeros((0, 3)), some).shape == (0,)
+    assert nms_3d(none, np.zeros(0), 0.5, 3).shape == (0,)
+    assert box_iou_3d(np.zeros((0, 2, 7)), np.zeros((0, 3, 7))).shape == (0, 2, 3)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_not_finite(bad):
+    boxes, broken = random_boxes(3), random_boxes(3)
+    broken[1, 6] = bad
+    for call in (
+        lambda: box_iou_3d(boxes, broken),
+        lambda: box_iou_bev(broken, boxes),
+        lambda: points_in_boxes(np.zeros((2, 3)), broken),
+        lambda: nms_3d(broken, np.zeros(3), 0.5, 3),
+    ):
+        with pytest.raises(InvalidArgument, match=r"\[1, 6\] is -?(nan|inf)"):
+            call()
+    with pytest.raises(InvalidArgument, match=r"scores\[1\] is -?(nan|inf)"):
+        nms_3d(boxes, np.array([1, bad, 0], np.float32), 0.5, 3)
+    with pytest.raises(InvalidArgument, match=r"points\[0, 0\] is -?(nan|inf)"):
+        points_in_boxes([[bad, 0.0, 0.0]], boxes)
+
+
+def test_other_errors():
+    boxes, negative = random_boxes(3), random_boxes(3)
+    negative[2, 4] = -1
+    with pytest.raises(InvalidArgument, match="boxes1: box 2 has the negative size -1"):
+        box_iou_3d(negative, boxes)
+    with pytest.raises(InvalidArgument, match=r"\(M, 7\) or \(B, M, 7\), received \[3,6\]"):
+        box_iou_3d(boxes, boxes[:, :6])
+    with pytest.raises(InvalidArgument, match=r"scores \(M\), received \[3,7\] and \[2\]"):
+        nms_3d(boxes, np.zeros(2), 0.5, 3)
+    with pytest.raises(InvalidArgument, match=r"iou_threshold must be in \[0, 1\]"):
+        nms_3d(boxes, np.zeros(3), 1.5, 3)

@@ -1,0 +1,219 @@
+"""The ops in graphs, input pipelines and threads; instruction sets; loading the library."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import ops_reference as reference
+import pytest
+import tensorflow as tf
+
+import tf_ops
+from tf_ops import library
+
+ROOT = Path(tf_ops.__file__).resolve().parent.parent
+BATCH, POINTS, SAMPLES = 3, 400, 60
+
+
+def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
+    """Every op that depends on coordinates, and the ops that move features."""
+    chosen = tf_ops.farthest_point_sample(SAMPLES, xyz)
+    sampled = tf_ops.gather_point(xyz, chosen)
+    ball, count = tf_ops.query_ball_point(0.8, 8, xyz, sampled)
+    few2, few = tf_ops.knn_point(8, sampled, xyz)
+    many2, many = tf_ops.knn_point(40, sampled, xyz)
+    top, top_values = tf_ops.select_top_k(5, many2)
+    three2, three = tf_ops.three_nn(xyz, sampled)
+    dense = tf_ops.three_interpolate(sampled, three, three2)
+    grouped = tf_ops.group_point(xyz, ball)
+    boxes = tf.concat([sampled, tf.abs(sampled), sampled[..., :1]], -1)
+    inside, iou = tf_ops.points_in_boxes(xyz, boxes), tf_ops.box_iou_3d(boxes, boxes)
+    kept = tf_ops.nms_3d(boxes[0], boxes[0, :, 0], 0.2, 20)
+    names = "chosen sampled ball count few2 few many2 many top top_values three2 three dense"
+    values = [chosen, sampled, ball, count, few2, few, many2, many, top, top_values, three2, three]
+    values += [dense, grouped, inside, iou, kept]
+    return dict(zip(names.split() + ["grouped", "inside", "iou", "kept"], values, strict=True))
+
+
+def assert_same(a, b):
+    for name in a:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+
+
+def test_graph_with_unknown_batch_and_size():
+    xyz = reference.cloud("random", BATCH, POINTS)
+    traced = tf.function(
+        pyramid, input_signature=[tf.TensorSpec((None, None, 3), tf.float32)], autograph=False
+    )
+    shapes = {name: t.shape.as_list() for name, t in traced.get_concrete_function()
+              .structured_outputs.items()}
+    assert shapes["chosen"] == [None, SAMPLES]
+    assert shapes["sampled"] == [None, SAMPLES, 3]
+    assert shapes["ball"] == [None, SAMPLES, 8] and shapes["count"] == [None, SAMPLES]
+    assert shapes["few"] == shapes["few2"] == [None, None, 8]
+    assert shapes["top"] == [None, None, 5]
+    assert shapes["three"] == shapes["dense"] == [None, None, 3]
+    assert shapes["grouped"] == [None, SAMPLES, 8, 3]
+    assert shapes["inside"] == [None, None] and shapes["iou"] == [None, SAMPLES, SAMPLES]
+    assert shapes["kept"] == [None]
+    assert_same(traced(xyz), pyramid(xyz))
+
+
+def test_unknown_rank_and_gradient_in_a_graph():
+    @tf.function(input_signature=[tf.TensorSpec(None), tf.TensorSpec(None, tf.int32)])
+    def slope(points, index):
+        with tf.GradientTape() as tape:
+            tape.watch(points)
+            total = tf.reduce_sum(tf_ops.group_point(points, index) ** 2)
+        return tape.gradient(total, points)
+
+    points = reference.cloud("random", 2, 5)
+    index = np.array([[[0, 1]], [[4, 4]]], np.int32)
+    expected = np.zeros_like(points)
+    expected[0, :2], expected[1, 4] = 2 * points[0, :2], 4 * points[1, 4]
+    np.testing.assert_allclose(slope(points, index), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tf_ops.farthest_point_sample(3, tf.zeros((2, 5, 4))), "3"),
+        (lambda: tf_ops.knn_point(3, tf.zeros((2, 5, 3)), tf.zeros((1, 5, 3))), "2 and 1"),
+        (lambda: tf_ops.three_nn(tf.zeros((5, 3)), tf.zeros((5, 3))), "rank 3"),
+    ],
+)
+def test_shape_functions_refuse_at_trace_time(call, message):
+    with pytest.raises(ValueError, match=message):
+        tf.function(call, autograph=False).get_concrete_function()
+
+
+def test_parallel_map_of_a_dataset():
+    clouds = np.concatenate([reference.cloud("random", 1, POINTS, seed) for seed in range(24)])
+    mapped = tf.data.Dataset.from_tensor_slices(clouds).map(
+        lambda xyz: pyramid(xyz[None]), num_parallel_calls=4, deterministic=True
+    )
+    for xyz, found in zip(clouds, mapped, strict=True):
+        assert_same(found, pyramid(xyz[None]))
+
+
+def test_several_python_threads_at_once():
+    clouds = [reference.cloud("clustered", 2, POINTS, seed) for seed in range(4)]
+    expected = [pyramid(xyz) for xyz in clouds]
+    failures = []
+
+    def work(i: int) -> None:
+        try:
+            for _ in range(8):
+                assert_same(pyramid(clouds[i]), expected[i])
+        except AssertionError as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(len(clouds))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+
+
+def test_index_ops_have_no_gradient():
+    xyz = tf.constant(reference.cloud("random", 1, 20))
+    with tf.GradientTape(persistent=True) as tape:
+        tape.watch(xyz)
+        dist2, _ = tf_ops.knn_point(3, xyz, xyz)
+        three2, _ = tf_ops.three_nn(xyz, xyz)
+    assert tape.gradient(dist2, xyz) is None
+    assert tape.gradient(three2, xyz) is None
+
+
+DUMP = """
+import sys
+import numpy as np
+import ops_reference as reference
+import test_ops_runtime as here
+found = {}
+for kind in reference.KINDS:
+    for name, value in here.pyramid(reference.cloud(kind, 2, here.POINTS)).items():
+        found[kind + name] = value.numpy()
+np.savez(sys.argv[1], **found)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("instructions", ["portable", "avx2"])
+def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
+    """The kernels for older processors, in a process of their own, give what this one's give."""
+    path = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    environment = {**os.environ, "TF_OPS_INSTRUCTIONS": instructions, "PYTHONPATH": path}
+    out = tmp_path / "found.npz"
+    subprocess.run([sys.executable, "-c", DUMP, str(out)], env=environment, check=True)
+    found = np.load(out)
+    for kind in reference.KINDS:
+        for name, value in pyramid(reference.cloud(kind, 2, POINTS)).items():
+            np.testing.assert_array_equal(found[kind + name], value, err_msg=f"{kind} {name}")
+
+
+def test_a_missing_library_names_the_command(tmp_path, monkeypatch):
+    monkeypatch.setenv(library.ENVIRONMENT, str(tmp_path / "libtf_ops.so"))
+    with pytest.raises(tf_ops.LibraryError, match="is missing; run `make ops`"):
+        tf_ops.load_library()
+
+
+@pytest.mark.parametrize("record", ["", "[]", "{}"])
+def test_an_unreadable_record_names_the_command(record, tmp_path):
+    path = tmp_path / "libtf_ops.json"
+    path.write_text(record)
+    with pytest.raises(tf_ops.LibraryError, match="unreadable; run `make ops`"):
+        library.check_version(path)
+
+
+def test_another_tensorflow_names_the_command(tmp_path):
+    path = tmp_path / "libtf_ops.json"
+    path.write_text(json.dumps({"tensorflow": "2.0.0"}))
+    with pytest.raises(tf_ops.LibraryError, match=r"against TensorFlow 2\.0\.0.*run `make ops`"):
+        library.check_version(path)
+
+
+def test_a_broken_library_names_the_command(tmp_path, monkeypatch):
+    broken = tmp_path / "libtf_ops.so"
+    broken.write_bytes(b"not a library")
+    broken.with_suffix(".json").write_text(json.dumps({"tensorflow": tf.__version__}))
+    monkeypatch.setenv(library.ENVIRONMENT, str(broken))
+    with pytest.raises(tf_ops.LibraryError, match="run `make clean ops`"):
+        tf_ops.load_library()
+
+
+def build(tmp_path: Path, *arguments: str) -> str:
+    """What `make` says in a copy of the build's files, and that it fails."""
+    folder = tmp_path / "tf_ops"
+    folder.mkdir(exist_ok=True)
+    for name in ("Makefile", "tf_flags.py"):
+        (folder / name).write_bytes((ROOT / "tf_ops" / name).read_bytes())
+    result = subprocess.run(
+        ["make", "--no-print-directory", "-C", str(folder), *arguments],
+        capture_output=True, text=True, check=False,
+    )
+    assert result.returncode != 0
+    lines = (result.stdout + result.stderr).strip().splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_build_without_a_compiler_says_so_in_one_line(tmp_path):
+    line = build(tmp_path, f"PYTHON={sys.executable}", "CXX=no-such-compiler")
+    assert '"no-such-compiler" was not found' in line
+    assert "make ops CXX=clang++" in line
+
+
+def test_build_without_tensorflow_says_so_in_one_line(tmp_path):
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -E "$@"\n')
+    python.chmod(0o755)
+    line = build(tmp_path, f"PYTHON={python}")
+    assert "TensorFlow is not installed" in line and "run `make venv`" in line
