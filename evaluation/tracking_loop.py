@@ -13,7 +13,7 @@ from kitti.boxes import project_boxes
 from kitti.labels import Objects
 from tracking import TrueDisplacement, assign_label_ids, geometric_appearance, make_tracker
 
-NOT_IN_IMAGE = 0.0  # 2-D box of a track outside the image; -1 would switch the server's 2-D off
+NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D figures off
 
 
 def track_scene(
@@ -23,7 +23,7 @@ def track_scene(
     classes: tuple[str, ...],
     each_frame: Callable[[], None] = lambda: None,
 ) -> Objects:
-    """Tracks of one scene, a row per reported box, 2-D boxes projected and clipped.
+    """Tracks of one scene, a row per reported box, 2-D boxes projected with P2 and clipped.
 
     Args:
         scene: what is tracked.
@@ -55,8 +55,24 @@ def _rows(scene: Scene, parts: list[tuple[np.ndarray, ...]]) -> Objects:
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
     bbox = project_boxes(boxes, scene.sequence.calib, scene.sequence.image_size)
-    bbox = np.where(np.isnan(bbox), NOT_IN_IMAGE, bbox)
+    bbox = keep_last_seen(ids, bbox)
     return Objects.from_boxes(frame, ids, boxes, scores, kind=types, bbox=bbox)
+
+
+def keep_last_seen(ids: np.ndarray, bbox: np.ndarray) -> np.ndarray:
+    """2-D boxes (R, 4) without NaN: a track outside the image keeps the box it had last.
+
+    So it stays the false alarm that it is (an empty box would be ignored), as where a tracker
+    passes on its detections' 2-D boxes. Rows are in the order of frames; `ids` is (R,).
+    """
+    filled, last = bbox.copy(), {}
+    seen = ~np.isnan(bbox).any(axis=1)
+    for row, track_id in enumerate(ids.tolist()):
+        if seen[row]:
+            last[track_id] = row
+        else:
+            filled[row] = bbox[last[track_id]] if track_id in last else NEVER_SEEN
+    return filled
 
 
 class Cues:

@@ -25,6 +25,7 @@ class Comparison:
         truth, results: R and S rows in any order; ids are unique within a frame.
         truth_rows, result_rows: per frame (F of them), indices into `truth` and `results`.
         similarity: per frame, (M, K) float64 in [0, 1].
+        track: (S,) index of each row's track.
         scores: (S,) float64, the mean score of each row's track; -1 where a file has no score.
     """
 
@@ -34,6 +35,7 @@ class Comparison:
     truth_rows: list[np.ndarray]
     result_rows: list[np.ndarray]
     similarity: list[np.ndarray]
+    track: np.ndarray
     scores: np.ndarray
 
     @property
@@ -41,11 +43,19 @@ class Comparison:
         """F."""
         return len(self.truth_rows)
 
-    def above(self, threshold: float | None) -> np.ndarray:
-        """(S,) bool: rows whose track has a mean score of at least `threshold` (None: all)."""
+    def above(self, threshold: float | None, earlier_passes: int = 0) -> np.ndarray:
+        """(S,) bool: rows whose track has a mean score of at least `threshold` (None: all).
+
+        AB3DMOT's evaluator replaces each score by its track's mean in every pass over the data,
+        so at the n-th pass it compares means of means. Their rounding can put a track below the
+        threshold that is its own score; `earlier_passes` repeats that, for equal counts.
+        """
         if threshold is None:
             return np.ones(len(self.results), bool)
-        return self.scores >= threshold
+        scores = self.scores
+        for _ in range(earlier_passes):
+            scores = mean_per_track(scores, self.track)
+        return scores >= threshold
 
 
 def compare(
@@ -65,8 +75,9 @@ def compare(
         similarity(a[i], b[j]) if len(i) and len(j) else np.zeros((len(i), len(j)))
         for i, j in zip(truth_rows, result_rows, strict=True)
     ]
+    _, track = np.unique(results.track_id, return_inverse=True)
     scores = track_scores(results)
-    return Comparison(name, truth, results, truth_rows, result_rows, values, scores)
+    return Comparison(name, truth, results, truth_rows, result_rows, values, track, scores)
 
 
 def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:
@@ -81,9 +92,13 @@ def track_scores(results: Objects) -> np.ndarray:
 
     A track stands or falls as a whole: this is how AB3DMOT's evaluator applies a threshold.
     """
-    if len(results) == 0:
-        return np.zeros(0)
-    scores = np.asarray(results.score, np.float64)
-    scores = np.where(np.isnan(scores), -1.0, scores)
+    scores = np.where(np.isnan(results.score), -1.0, results.score)
     _, track = np.unique(results.track_id, return_inverse=True)
+    return mean_per_track(scores, track)
+
+
+def mean_per_track(scores: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """(S,) the mean of `scores` over the rows of each row's track, summed in file order."""
+    if len(scores) == 0:
+        return np.zeros(0)
     return (np.bincount(track, scores) / np.bincount(track))[track]

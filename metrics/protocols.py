@@ -48,7 +48,7 @@ class Clear3d:
             for entry in entries
         ]
 
-    def outcomes(self, threshold: float | None) -> list[Outcome]:
+    def outcomes(self, threshold: float | None, _earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
         return [clear3d(c, c.above(threshold), self.min_iou) for c in self.comparisons]
 
@@ -74,7 +74,7 @@ class Kitti2d(KittiProtocol):
     def __init__(self, entries: Sequence[Entry], space: str = "2d"):
         super().__init__(entries, space, vans_may_match=False)
 
-    def outcomes(self, threshold: float | None) -> list[Outcome]:
+    def outcomes(self, threshold: float | None, _earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
         return [
             kitti2d(c, c.above(threshold), ignored, ignorable)
@@ -89,10 +89,10 @@ class Kitti3d(KittiProtocol):
         super().__init__(entries, space, vans_may_match=True)
         self.min_iou = min_iou
 
-    def outcomes(self, threshold: float | None) -> list[Outcome]:
-        """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
+    def outcomes(self, threshold: float | None, earlier_passes: int = 0) -> list[Outcome]:
+        """One outcome per sequence; the threshold is applied as AB3DMOT's evaluator does."""
         return [
-            kitti3d(c, c.above(threshold), ignored, ignorable, min_iou=self.min_iou)
+            kitti3d(c, c.above(threshold, earlier_passes), ignored, ignorable, min_iou=self.min_iou)
             for c, ignored, ignorable in self.cases
         ]
 
@@ -141,12 +141,12 @@ def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
 
 
 def _figures(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
-    swept = None
+    swept, earlier_passes = None, 0
     if over_recall or threshold == BEST:
         swept = sweep(protocol.outcomes)
     if threshold == BEST:
-        threshold = swept.best_threshold
-    counts = [outcome.counts for outcome in protocol.outcomes(threshold)]
+        threshold, earlier_passes = swept.best_threshold, swept.passes
+    counts = [outcome.counts for outcome in protocol.outcomes(threshold, earlier_passes)]
     overall = total(counts).figures()
     if over_recall:
         overall |= swept.figures()

@@ -15,18 +15,22 @@ from metrics.counts import Counts, Outcome, total
 
 RECALL_POINTS = 40  # recall 1/40, 2/40, ..., 1
 
-OutcomesAt = Callable[[float | None], Sequence[Outcome]]
+OutcomesAt = Callable[[float | None, int], Sequence[Outcome]]
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Means over the recall points, and the threshold (None: keep all) of the best MOTA > 0."""
+    """Means over the recall points, and the threshold (None: keep all) of the best MOTA > 0.
+
+    `passes` says how many times the data were gone over: one more than there are recall points.
+    """
 
     samota: float | None
     amota: float | None
     amotp: float | None
     best_threshold: float | None
     best_mota: float | None
+    passes: int
 
     def figures(self) -> dict[str, float | None]:
         """By their published names; `best_*` are this project's names."""
@@ -43,29 +47,27 @@ def sweep(outcomes_at: OutcomesAt) -> Sweep:
     """Evaluates a protocol at each recall point.
 
     Args:
-        outcomes_at: the protocol's outcome of every sequence at a score threshold; at None, of
-            all results. Called once per distinct threshold.
+        outcomes_at: the protocol's outcome of every sequence at a score threshold (at None, of
+            all results), given how many passes there were before.
 
     A recall that is never reached counts 0 in the means, which divide by `RECALL_POINTS`.
     """
-    everything = outcomes_at(None)
+    everything = outcomes_at(None, 0)
     counts = total(outcome.counts for outcome in everything)
     if not counts.gt:
-        return Sweep(None, None, None, None, None)
+        return Sweep(None, None, None, None, None, 1)
     scores = np.concatenate([outcome.matched_scores for outcome in everything])
     thresholds, recalls = recall_thresholds(scores, counts.tp + counts.fn)
-    known: dict[float, Counts] = {}
     sums, best, best_mota = np.zeros(3), None, 0.0
-    for threshold, recall in zip(thresholds, recalls, strict=True):
-        if threshold not in known:
-            known[threshold] = total(outcome.counts for outcome in outcomes_at(threshold))
-        at = known[threshold]
+    for passes, (threshold, recall) in enumerate(zip(thresholds, recalls, strict=True), 1):
+        at = total(outcome.counts for outcome in outcomes_at(threshold, passes))
         motp = at.similarity / at.tp if at.tp else 0.0
         sums += scaled_mota(at, recall), at.mota, motp
         if at.mota > best_mota:
             best, best_mota = threshold, at.mota
     samota, amota, amotp = (sums / RECALL_POINTS).tolist()
-    return Sweep(samota, amota, amotp, best, counts.mota if best is None else best_mota)
+    best_mota = counts.mota if best is None else best_mota
+    return Sweep(samota, amota, amotp, best, best_mota, 1 + len(thresholds))
 
 
 def scaled_mota(counts: Counts, recall: float) -> float:
