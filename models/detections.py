@@ -24,6 +24,7 @@ class DecodingConfig:
     max_proposals: int = note(600, "of a frame")
     nms_iou: float = note(0.1, "bird's-eye boxes that overlap more belong to the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
+    doubt: float = note(1.0, "proposals against every box, so that lonely ones score less")
     min_score: float = note(0.1, "of a box that is kept")
     max_boxes: int = note(64, "M")
 
@@ -42,7 +43,8 @@ def decode_detections(
     """(B, Q, ...) predictions at query_xyz (B, Q, 3) -> Detections of each of the B frames.
 
     The score of a box is the mean of foreground probability * IoU with it over the proposals
-    that it stands for, so boxes whose points agree come first.
+    that it stands for and `doubt` more that say nothing, so boxes on which many points agree come
+    first.
     """
     boxes = decode_boxes(tf.convert_to_tensor(query_xyz), predictions, box).numpy()
     probability = foreground_probability(predictions.mask_logits).numpy()
@@ -90,7 +92,7 @@ def _suppress(boxes, probability, classes, config: DecodingConfig) -> Detections
         weights[best] = max(weights[best], 1e-6)
         cluster = alive & (iou[best] > config.nms_iou)
         kept.append(_vote(boxes, weights, best))
-        scores.append(weights.sum() / max(np.count_nonzero(cluster), 1))
+        scores.append(weights.sum() / (np.count_nonzero(cluster) + config.doubt))
         labels.append(int((classes * weights[:, None]).sum(0).argmax()))
         alive &= ~cluster
         alive[best] = False

@@ -24,16 +24,23 @@ def predictions_of(targets, config=CONFIG):
     size = np.zeros((count, ns, 3), np.float32)
     size[rows, targets.size_template] = targets.size_residual_normalized
     fields = [
-        np.zeros((count, 2)), targets.center_offset, np.eye(nh)[targets.heading_bin], residual,
-        np.eye(ns)[targets.size_template], size, np.eye(nc)[targets.semantic_class],
+        np.zeros((count, 2)),
+        targets.center_offset,
+        np.eye(nh)[targets.heading_bin],
+        residual,
+        np.eye(ns)[targets.size_template],
+        size,
+        np.eye(nc)[targets.semantic_class],
     ]
     return BoxPredictions(*(tf.constant(f[None], tf.float32) for f in fields))
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    yaw=st.floats(-np.pi, np.pi, exclude_max=True), size=st.floats(0.5, 2.0),
-    center=st.tuples(*[st.floats(-60, 60)] * 3), label=st.integers(0, 1),
+    yaw=st.floats(-np.pi, np.pi, exclude_max=True),
+    size=st.floats(0.5, 2.0),
+    center=st.tuples(*[st.floats(-60, 60)] * 3),
+    label=st.integers(0, 1),
 )
 def test_code_then_decode_is_the_identity(yaw, size, center, label):
     length, width, height = (size * v for v in CONFIG.size_templates[label])

@@ -101,7 +101,7 @@ def test_wrong_shapes_are_named():
     x, gamma, beta = inputs(4, 3)
     with pytest.raises(tf.errors.InvalidArgumentError, match=r"must have shape \(C\) = \(3\)"):
         batch_norm_relu(x, gamma[:2], beta, EPSILON)
-    with pytest.raises((tf.errors.InvalidArgumentError, ValueError), match="rank 3|G, K, C"):
+    with pytest.raises((tf.errors.InvalidArgumentError, ValueError), match=r"rank 3|G, K, C"):
         batch_norm_relu_max(x, gamma, beta, EPSILON)
 
 

@@ -1,0 +1,62 @@
+"""The networks on a stream: empty frames, one point, repeatable sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
+
+from models.box_coding import head_channels
+from models.detector import Detector, detector_inputs
+from models.inference import StreamingNetwork
+from models.tracker import Tracker, tracker_channels, tracker_inputs
+
+
+@pytest.fixture(scope="module")
+def network():
+    tf.keras.utils.set_random_seed(0)
+    detector = Detector(SMALL_DETECTOR)
+    channels = tracker_channels(SMALL_TRACKER, SMALL_DETECTOR, head_channels(SMALL_DETECTOR.box))
+    return StreamingNetwork(detector, Tracker(channels, SMALL_TRACKER))
+
+
+def test_a_stream_equals_the_two_graphs(network):
+    scans = [cloud(1, 300, seed)[0] for seed in (1, 2)]
+    states = [network.detect(scan, t) for t, scan in enumerate(scans)]
+    found = network.displacement(*states)
+    frames = []
+    for t, scan in enumerate(scans):
+        inputs = detector_inputs(network.sample(scan, t), SMALL_DETECTOR)
+        outputs = network.detector(inputs, training=False)
+        frames.append(tracker_inputs(inputs, outputs, SMALL_TRACKER))
+    np.testing.assert_allclose(states[0].points, frames[0].xyz[0], atol=1e-6)
+    expected = network.tracker(*frames, training=False)[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
+
+
+def test_sampling_depends_on_seed_and_frame_alone(network):
+    scan = cloud(1, 300)[0]
+    np.testing.assert_array_equal(network.sample(scan, 3), network.sample(scan, 3))
+    assert not np.array_equal(network.sample(scan, 3), network.sample(scan, 4))
+
+
+def test_an_empty_frame(network):
+    empty = network.detect(np.zeros((0, 3)), 0)
+    assert empty.detections.boxes.shape == (0, 7)
+    full = network.detect(cloud(1, 300)[0], 1)
+    assert network.displacement(empty, full).shape == (0, 3)
+    np.testing.assert_array_equal(network.displacement(full, empty), np.zeros((48, 3)))
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_few_points(network, count):
+    state = network.detect(cloud(1, count)[0], 0)
+    assert np.isfinite(network.displacement(state, state)).all()
+
+
+def test_bad_points_are_refused(network):
+    with pytest.raises(ValueError, match=r"expected points of shape \(n, >=3\)"):
+        network.detect(np.zeros((5, 2)))
+    with pytest.raises(ValueError, match="expected finite points"):
+        network.detect(np.full((5, 3), np.nan))

@@ -1,0 +1,209 @@
+"""Layers against the plain way of computing them: gather first, concatenate, then multiply."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from network_cases import cloud, randomize_norms
+
+from models.config import SetAbstractionConfig, SetUpconvConfig, multi_scale
+from models.feature_propagation import FeaturePropagation, interpolation_indices
+from models.linear_norm import EPSILON, LinearNormReLU, SharedMLP
+from models.neighborhood import NeighborhoodMLP
+from models.probability_filter import foreground_probability, keep, probability_filter
+from models.set_abstraction import SetAbstraction, set_abstraction_indices
+from models.set_upconv import SetUpconv, neighbors_within
+
+
+def plain_norm_relu(y, norm, training):
+    """BatchNorm and ReLU of rows, by TensorFlow."""
+    if training:
+        mean, variance = tf.nn.moments(y, list(range(y.shape.rank - 1)))
+    else:
+        mean, variance = norm.moving_mean.value, norm.moving_variance.value
+    scale = norm.gamma.value / tf.sqrt(variance + EPSILON)
+    return tf.nn.relu((y - mean) * scale + norm.beta.value)
+
+
+def plain_linear(layer: LinearNormReLU, inputs, training):
+    """The same layer over concatenated inputs."""
+    x = tf.concat([inputs[part] for part in layer.kernels], -1)
+    kernel = tf.concat([k.value for k in layer.kernels.values()], 0)
+    return plain_norm_relu(tf.tensordot(x, kernel, 1), layer.norm, training)
+
+
+def plain_neighborhood(
+    mlp: NeighborhoodMLP,
+    source_xyz,
+    features,
+    query_xyz,
+    neighbors,
+    training,
+    query=None,
+    pair=None,
+):
+    """Gather, concatenate, multiply, pool."""
+    gather = lambda values: tf.gather(values, neighbors, batch_dims=1)  # noqa: E731
+    spread = lambda values: tf.broadcast_to(  # noqa: E731
+        values[:, :, None], [*neighbors.shape, values.shape[-1]]
+    )
+    inputs = {"xyz": gather(source_xyz) - spread(query_xyz)}
+    if features is not None:
+        inputs["source"] = gather(features)
+    if query is not None:
+        inputs["query"] = spread(query)
+    if pair is not None:
+        inputs["pair"] = pair
+    x = plain_linear(mlp.first, inputs, training)
+    for layer in mlp.rest.layers:
+        x = plain_linear(layer, {"x": x}, training)
+    return tf.reduce_max(x, 2)
+
+
+def close(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-4)
+
+
+@pytest.mark.parametrize("training", [False, True])
+@pytest.mark.parametrize("widths", [(16,), (8, 16), (8, 16, 24)])
+@pytest.mark.parametrize("parts", ["xyz", "features", "all"])
+def test_first_layer_before_grouping_is_exact(training, widths, parts):
+    xyz, queries = cloud(2, 50), cloud(2, 20, seed=1)
+    rng = np.random.default_rng(2)
+    neighbors = tf.constant(rng.integers(0, 50, (2, 20, 6)), tf.int32)
+    features = None if parts == "xyz" else rng.normal(size=(2, 50, 5)).astype("f4")
+    query = rng.normal(size=(2, 20, 4)).astype("f4") if parts == "all" else None
+    pair = rng.normal(size=(2, 20, 6, 2)).astype("f4") if parts == "all" else None
+    mlp = NeighborhoodMLP(
+        0 if features is None else 5,
+        widths,
+        0.9,
+        0 if query is None else 4,
+        0 if pair is None else 2,
+    )
+    randomize_norms(mlp)
+    expected = plain_neighborhood(mlp, xyz, features, queries, neighbors, training, query, pair)
+    found = mlp(
+        xyz,
+        features,
+        queries,
+        neighbors,
+        training=training,
+        query_features=query,
+        pair_features=pair,
+    )
+    close(found, expected)
+
+
+def test_gradients_of_the_rearranged_layer_are_exact():
+    xyz, queries = cloud(2, 40), cloud(2, 10, seed=1)
+    rng = np.random.default_rng(2)
+    neighbors = tf.constant(rng.integers(0, 40, (2, 10, 6)), tf.int32)
+    features = tf.constant(rng.normal(size=(2, 40, 5)), tf.float32)
+    weight = tf.constant(rng.normal(size=(2, 10, 16)), tf.float32)
+    mlp = NeighborhoodMLP(5, (8, 16), 0.9)
+    randomize_norms(mlp)
+    gradients = []
+    for compute in (
+        lambda: mlp(xyz, features, queries, neighbors, training=True),
+        lambda: plain_neighborhood(mlp, xyz, features, queries, neighbors, True),
+    ):
+        with tf.GradientTape() as tape:
+            tape.watch(features)
+            loss = tf.reduce_sum(compute() * weight)
+        gradients.append(tape.gradient(loss, [features, *mlp.trainable_variables]))
+    for found, expected in zip(*gradients, strict=True):
+        close(found, expected)
+
+
+@pytest.mark.parametrize("training", [False, True])
+def test_interpolation_after_the_first_layer_is_exact(training):
+    fine, coarse = cloud(2, 30), cloud(2, 9, seed=1)
+    rng = np.random.default_rng(2)
+    features = rng.normal(size=(2, 9, 5)).astype("f4")
+    skip = rng.normal(size=(2, 30, 3)).astype("f4")
+    layer = FeaturePropagation(5, 3, (8, 12), 0.9)
+    randomize_norms(layer)
+    indices = interpolation_indices(fine, coarse)
+    np.testing.assert_allclose(tf.reduce_sum(indices.weights, -1), 1.0, rtol=1e-5)
+    gathered = tf.gather(features, indices.neighbors, batch_dims=1)
+    interpolated = tf.reduce_sum(gathered * indices.weights[..., None], 2)
+    x = plain_linear(layer.first, {"coarse": interpolated, "skip": skip}, training)
+    for rest in layer.rest.layers:
+        x = plain_linear(rest, {"x": x}, training)
+    close(layer(features, skip, indices, training=training), x)
+
+
+def test_interpolation_at_a_coarse_point_is_its_feature():
+    coarse = cloud(1, 9)
+    indices = interpolation_indices(coarse, coarse)
+    assert np.all(indices.weights[..., 0] > 0.999)
+    np.testing.assert_array_equal(indices.neighbors[0, :, 0], np.arange(9))
+
+
+def test_moving_averages_move_towards_the_batch():
+    layer = LinearNormReLU({"x": 3}, 4, momentum=0.75)
+    x = cloud(1, 100)[0]
+    layer({"x": x}, training=True)
+    y = x @ layer.kernels["x"].numpy()
+    np.testing.assert_allclose(layer.norm.moving_mean, 0.25 * y.mean(0), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(layer.norm.moving_variance, 0.75 + 0.25 * y.var(0), rtol=1e-4)
+
+
+def test_set_abstraction_groups_within_the_radius():
+    xyz = cloud(2, 200)
+    config = SetAbstractionConfig(32, (1.0,), (8,), ((8,),))
+    indices, centers = set_abstraction_indices(xyz, config)
+    grouped = tf.gather(xyz, indices.groups[0], batch_dims=1)
+    distance = tf.norm(grouped - centers[:, :, None], axis=-1)
+    assert float(tf.reduce_max(distance)) < 1.0
+    np.testing.assert_array_equal(centers, tf.gather(xyz, indices.sampled, batch_dims=1))
+
+
+def test_multi_scale_has_the_width_of_single_scale():
+    single = SetAbstractionConfig(32, (1.0,), (32,), ((32, 64),))
+    double = multi_scale(single)
+    assert double.radii == (0.5, 1.0)
+    layer = SetAbstraction(0, double, 0.9)
+    assert layer.channels == 64
+    xyz = cloud(2, 100)
+    indices, centers = set_abstraction_indices(xyz, double)
+    assert layer(xyz, None, centers, indices, training=False).shape == (2, 32, 64)
+
+
+def test_neighbors_beyond_the_radius_give_way_to_the_nearest():
+    coarse = np.array([[[0, 0, 0], [1, 0, 0], [50, 0, 0]]], "f4")
+    fine = np.array([[[0.1, 0, 0]]], "f4")
+    found = neighbors_within(3, 2.0, coarse, fine)
+    np.testing.assert_array_equal(found, [[[0, 1, 0]]])
+
+
+def test_set_upconv_with_and_without_skip():
+    coarse, fine = cloud(1, 5), cloud(1, 20, seed=1)
+    features = np.ones((1, 5, 4), "f4")
+    neighbors = neighbors_within(3, 8.0, coarse, fine)
+    for channels in (0, 6):
+        layer = SetUpconv(4, channels, SetUpconvConfig(8.0, (8, 8, 16), 3), 0.9)
+        skip = np.ones((1, 20, 6), "f4") if channels else None
+        assert layer(coarse, features, fine, skip, neighbors, training=False).shape == (1, 20, 16)
+
+
+def test_shared_mlp_keeps_leading_axes():
+    mlp = SharedMLP(3, (8, 4), 0.9)
+    assert mlp(tf.zeros([2, 5, 7, 3]), training=True).shape == (2, 5, 7, 4)
+
+
+def test_probability_filter_keeps_the_most_probable_first():
+    margin = np.array([[0.1, 3.0, -2.0, 1.0]], "f4")
+    logits = np.stack([np.zeros_like(margin), margin], -1)
+    rows = probability_filter(tf.constant(logits), 3)
+    np.testing.assert_array_equal(rows, [[1, 3, 0]])
+    (kept,) = keep(rows, tf.constant(margin[..., None]))
+    np.testing.assert_allclose(kept[0, :, 0], [3.0, 1.0, 0.1])
+    np.testing.assert_allclose(foreground_probability(logits), 1 / (1 + np.exp(-margin)), rtol=1e-5)
+
+
+def test_probability_filter_repeats_where_there_are_too_few_points():
+    rows = probability_filter(tf.constant([[[0.0, 1.0], [0.0, 2.0]]]), 5)
+    np.testing.assert_array_equal(rows, [[1, 0, 1, 0, 1]])
