@@ -47,6 +47,9 @@ class Site:
 
     def place(self, center, yaw, length, width) -> bool:
         """Takes a rectangle if it is free; says whether it was."""
+        ahead = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
+        if self.taken.at(np.stack([center, center + ahead, center - ahead])).any():
+            return False  # most tries end here
         points = rectangle_points(center, yaw, length, width)
         if self.taken.at(points).any():
             return False

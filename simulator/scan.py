@@ -13,7 +13,7 @@ from simulator.sensor import Rays
 from simulator.static import StaticWorld, cast_static, make_columns
 from simulator.terrain import Terrain
 
-GROUND_REFLECTIVITY = 0.25
+GROUND_REFLECTIVITY = 0.15
 PANE_RETURN = 0.35  # share of rays on a house's window that come back (frame, curtain)
 
 

@@ -47,7 +47,7 @@ class Terrain:
         """
         radius = np.geomspace(1.2, 95.0, 100).astype(np.float32)
         xy = columns.origin[:, None] + columns.heading[:, None] * radius[None, :, None]
-        ground = self.base.bilinear(xy)  # (C, K)
+        ground = self.height(xy)  # (C, K)
         # A ray hits where it is not steeper upwards than the line of sight to the ground: the
         # first sample whose line of sight, or an earlier one's, reaches the ray's slope.
         beams, count = columns.slope.shape
@@ -89,7 +89,7 @@ def _fit(grid: Grid, samples, weights) -> Grid:
     grid.values[:] = np.average(samples[:, 2], weights=weights)
     for scale in SCALES:
         sigma = scale / grid.cell
-        rest = samples[:, 2] - grid.values[cells]
+        rest = samples[:, 2] - grid.bilinear(samples[:, :2])
         total, mass = np.zeros(grid.shape), np.zeros(grid.shape)
         np.add.at(total, cells, weights * rest)
         np.add.at(mass, cells, weights)

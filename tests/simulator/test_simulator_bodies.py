@@ -1,0 +1,89 @@
+"""Bodies fill their boxes, and rays end on their surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.bodies import make_body
+from simulator.config import RETURNS, SIZES
+from simulator.convex import FAR, cast_body
+from simulator.sizes import draw_size
+
+KINDS = {
+    "Car": (3.9, 1.6, 1.5),
+    "Van": (5.0, 1.9, 2.2),
+    "Truck": (9.0, 2.5, 3.2),
+    "Tram": (15.0, 2.4, 3.6),
+    "Misc": (2.8, 1.4, 1.7),
+    "Pedestrian": (0.7, 0.6, 1.7),
+    "Person": (0.8, 0.6, 1.26),
+    "Cyclist": (1.75, 0.57, 1.72),
+}
+GROWN = 0.1  # metres: mirrors stand out of KITTI's boxes
+
+
+def hits_on(body, size, rays: int = 20000):
+    rng = np.random.default_rng(0)
+    direction = rng.normal(size=(rays, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    origin = (rng.random((rays, 3)) - 0.5) * size - 25 * direction
+    origin, direction = origin.astype(np.float32), direction.astype(np.float32)
+    hits = cast_body(body, origin, direction, rng, RETURNS)
+    met = hits.distance < FAR
+    return origin[met] + direction[met] * hits.distance[met, None], hits
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_points_lie_in_the_box_and_on_the_surface(kind, seed):
+    size = np.array(KINDS[kind])
+    body = make_body(kind, size, (seed,))
+    points, hits = hits_on(body, size)
+    assert (np.abs(points) < size / 2 + GROWN).all()
+    # A point on a part's surface violates none of its planes and meets one.
+    outside = (points @ body.planes[..., :3].reshape(-1, 3).T).reshape(len(points), *(
+        body.planes.shape[:2]
+    )) - body.planes[None, ..., 3]  # fmt: skip
+    depth = np.abs(outside.max(axis=2)).min(axis=1)
+    assert depth.max() < 5e-3
+    assert (hits.outline <= hits.distance).all()
+
+
+@pytest.mark.parametrize("kind", ["Car", "Van", "Truck", "Tram"])
+def test_vehicles_fill_their_boxes(kind):
+    size = np.array(KINDS[kind])
+    for seed in range(4):
+        points, _ = hits_on(make_body(kind, size, (seed,)), size)
+        reach = np.percentile(np.abs(points), 99.9, axis=0)
+        assert (reach > size / 2 - 0.2).all()
+
+
+def test_cars_have_bonnet_and_glass():
+    size = np.array(KINDS["Car"])
+    body = make_body("Car", size, (3,))
+    points, hits = hits_on(body, size, 60000)
+    nose = points[points[:, 0] > 0.4 * size[0]]
+    assert nose[:, 2].max() < 0.2  # the bonnet is low
+    assert points[:, 2].max() > 0.6
+    swallowed = (hits.distance < FAR) & (hits.reflectivity == 0)
+    through = (hits.outline < FAR) & (hits.distance == FAR)
+    assert swallowed.sum() > 500 and through.sum() > 100
+
+
+def test_a_seed_makes_one_body():
+    first, again, other = (make_body("Car", KINDS["Car"], (seed,)) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first.planes, again.planes)
+    np.testing.assert_array_equal(first.reflectivity, again.reflectivity)
+    assert not np.array_equal(first.reflectivity, other.reflectivity)
+
+
+@pytest.mark.parametrize("kind", ["Car", "Van", "Truck", "Pedestrian", "Cyclist"])
+def test_sizes_have_the_fitted_moments(kind):
+    fit = getattr(SIZES, kind.lower())
+    rng = np.random.default_rng(0)
+    sizes = np.array([draw_size(kind, rng) for _ in range(1500)])
+    assert (sizes >= fit.low).all() and (sizes <= fit.high).all()
+    # leaving out what lies beyond [low, high] moves the mean a little
+    assert (np.abs(sizes.mean(axis=0) - fit.mean) < 0.35 * np.array(fit.std)).all()
+    assert (sizes.std(axis=0) > 0.6 * np.array(fit.std)).all()
