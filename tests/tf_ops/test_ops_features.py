@@ -134,7 +134,9 @@ def test_wrong_shapes():
         three_interpolate(normal(2, 4, 6), np.zeros((2, 5, 2), np.int32), normal(2, 5, 2))
 
 
-@pytest.mark.parametrize("shape", [(0, 4, 5, 3, 6), (2, 4, 0, 3, 6), (2, 4, 5, 3, 0), (2, 0, 0, 3, 6)])
+@pytest.mark.parametrize(
+    "shape", [(0, 4, 5, 3, 6), (2, 4, 0, 3, 6), (2, 4, 5, 3, 0), (2, 0, 0, 3, 6)]
+)
 def test_empty(shape):
     batch, size, queries, neighbours, channels = shape
     points = tf.zeros((batch, size, channels))

@@ -38,7 +38,7 @@ def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
     names = "chosen sampled ball count few2 few many2 many top top_values three2 three dense"
     values = [chosen, sampled, ball, count, few2, few, many2, many, top, top_values, three2, three]
     values += [dense, grouped, inside, iou, kept]
-    return dict(zip(names.split() + ["grouped", "inside", "iou", "kept"], values, strict=True))
+    return dict(zip([*names.split(), "grouped", "inside", "iou", "kept"], values, strict=True))
 
 
 def assert_same(a, b):
@@ -51,8 +51,10 @@ def test_graph_with_unknown_batch_and_size():
     traced = tf.function(
         pyramid, input_signature=[tf.TensorSpec((None, None, 3), tf.float32)], autograph=False
     )
-    shapes = {name: t.shape.as_list() for name, t in traced.get_concrete_function()
-              .structured_outputs.items()}
+    shapes = {
+        name: t.shape.as_list()
+        for name, t in traced.get_concrete_function().structured_outputs.items()
+    }
     assert shapes["chosen"] == [None, SAMPLES]
     assert shapes["sampled"] == [None, SAMPLES, 3]
     assert shapes["ball"] == [None, SAMPLES, 8] and shapes["count"] == [None, SAMPLES]
@@ -197,7 +199,9 @@ def build(tmp_path: Path, *arguments: str) -> str:
         (folder / name).write_bytes((ROOT / "tf_ops" / name).read_bytes())
     result = subprocess.run(
         ["make", "--no-print-directory", "-C", str(folder), *arguments],
-        capture_output=True, text=True, check=False,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert result.returncode != 0
     lines = (result.stdout + result.stderr).strip().splitlines()

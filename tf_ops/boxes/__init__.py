@@ -56,9 +56,7 @@ def points_in_boxes(points: tf.Tensor, boxes: tf.Tensor) -> tf.Tensor:
 
 
 @on_cpu
-def nms_3d(
-    boxes: tf.Tensor, scores: tf.Tensor, iou_threshold: float, max_output: int
-) -> tf.Tensor:
+def nms_3d(boxes: tf.Tensor, scores: tf.Tensor, iou_threshold: float, max_output: int) -> tf.Tensor:
     """Greedy non-maximum suppression by rotated bird's-eye-view IoU.
 
     Args:

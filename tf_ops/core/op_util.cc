@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#if defined(__linux__)
+# include <sys/mman.h>
+#endif
+
 #include "tensorflow/core/util/work_sharder.h"
 
 namespace ptn {
@@ -95,6 +99,19 @@ absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t
                                    points.shape().DebugString());
   }
   return absl::OkStatus();
+}
+
+void prefer_huge_pages(tf::Tensor* output) {
+#if defined(__linux__)
+  constexpr uintptr_t kHugePage = uintptr_t{2} << 20;
+  const uintptr_t begin = reinterpret_cast<uintptr_t>(output->data());
+  const uintptr_t first = (begin + kHugePage - 1) / kHugePage * kHugePage;
+  const uintptr_t last = (begin + output->TotalBytes()) / kHugePage * kHugePage;
+  // Advice only: where it cannot be followed nothing changes.
+  if (first < last) madvise(reinterpret_cast<void*>(first), last - first, MADV_HUGEPAGE);
+#else
+  (void)output;
+#endif
 }
 
 absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const char* attribute,

@@ -41,6 +41,10 @@ absl::Status check_indices(const tf::Tensor& index, const char* name, int64_t li
 // There is something to choose from, unless nothing is asked for (`wanted` elements).
 absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t wanted);
 
+// Asks for huge pages behind a large output that is about to be written for the first time: most of
+// the price of such an output is the kernel's handing over of one small page after another.
+void prefer_huge_pages(tf::Tensor* output);
+
 inline Clouds clouds_of(const tf::Tensor& t) {
   return {t.flat<float>().data(), t.dim_size(0), t.dim_size(1)};
 }

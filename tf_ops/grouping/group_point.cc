@@ -81,6 +81,7 @@ class GroupPointOp : public tf::OpKernel {
     tf::Tensor* grouped;
     OP_REQUIRES_OK(context, context->allocate_output(0, shape, &grouped));
     if (grouped->NumElements() == 0) return;
+    prefer_huge_pages(grouped);
     const RowSizes sizes = {points.dim_size(0), points.dim_size(1),
                             index.NumElements() / points.dim_size(0), points.dim_size(2)};
     gather_rows(points.flat<T>().data(), index.flat<int32_t>().data(), sizes,
@@ -110,6 +111,7 @@ class GroupPointGradOp : public tf::OpKernel {
     tf::Tensor* grad_points;
     OP_REQUIRES_OK(context, context->allocate_output(0, {batch, rows, channels}, &grad_points));
     if (grad_points->NumElements() == 0) return;
+    prefer_huge_pages(grad_points);
     const RowSizes sizes = {batch, rows, index.NumElements() / batch, channels};
     scatter_rows(grad.flat<T>().data(), index.flat<int32_t>().data(), nullptr, 1, sizes,
                  grad_points->flat<T>().data(), threads_of(context));

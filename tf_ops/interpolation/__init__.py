@@ -46,9 +46,7 @@ def three_interpolate(points: tf.Tensor, idx: tf.Tensor, weight: tf.Tensor) -> t
     if has_gpu():
         rows = tf.cast(tf.gather(points, idx, batch_dims=1), tf.float32)
         return tf.cast(tf.reduce_sum(rows * weight[..., None], axis=2), points.dtype)
-    return load_library().point_track_net_three_interpolate(
-        points=points, index=idx, weight=weight
-    )
+    return load_library().point_track_net_three_interpolate(points=points, index=idx, weight=weight)
 
 
 @tf.RegisterGradient("PointTrackNet>ThreeInterpolate")

@@ -88,6 +88,7 @@ class ThreeInterpolateOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, context->allocate_output(
                                 0, {sizes.batch, sizes.entries, sizes.channels}, &out));
     if (out->NumElements() == 0) return;
+    prefer_huge_pages(out);
     interpolate_rows(points.flat<T>().data(), index.flat<int32_t>().data(),
                      weight.flat<float>().data(), sizes, out->flat<T>().data(),
                      threads_of(context));

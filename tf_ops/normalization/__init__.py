@@ -60,7 +60,12 @@ def batch_norm_relu_max(
 def _batch_norm_relu_grad(op, grad, *_):
     x, gamma, beta = op.inputs
     return load_library().point_track_net_batch_norm_relu_grad(
-        grad=grad, x=x, gamma=gamma, beta=beta, mean=op.outputs[1], variance=op.outputs[2],
+        grad=grad,
+        x=x,
+        gamma=gamma,
+        beta=beta,
+        mean=op.outputs[1],
+        variance=op.outputs[2],
         epsilon=op.get_attr("epsilon"),
     )
 
@@ -69,6 +74,12 @@ def _batch_norm_relu_grad(op, grad, *_):
 def _batch_norm_relu_max_grad(op, grad, *_):
     x, gamma, beta = op.inputs
     return load_library().point_track_net_batch_norm_relu_max_grad(
-        grad=grad, x=x, gamma=gamma, beta=beta, mean=op.outputs[1], variance=op.outputs[2],
-        place=op.outputs[3], epsilon=op.get_attr("epsilon"),
+        grad=grad,
+        x=x,
+        gamma=gamma,
+        beta=beta,
+        mean=op.outputs[1],
+        variance=op.outputs[2],
+        place=op.outputs[3],
+        epsilon=op.get_attr("epsilon"),
     )

@@ -1,0 +1,1 @@
+"""Benchmark of the ops against CPU libraries: `make bench`."""

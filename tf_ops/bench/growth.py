@@ -1,0 +1,110 @@
+"""How the cost grows with the size of the cloud: N from 1,000 to 1,000,000, ours and peers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import tensorflow as tf
+
+import tf_ops
+from common.files import atomic_path
+from common.progress import progress
+from tf_ops.bench import peers, scans
+from tf_ops.bench.timing import seconds
+
+SIZES = tuple(round(n) for n in np.logspace(3, 6, 7))
+QUERIES = 2048
+BUDGET_S = 1.5  # per curve and size; at least one call
+
+Curve = Callable[[np.ndarray], Callable[[], object]]
+
+
+def curves() -> dict[str, dict[str, Curve]]:
+    """Panel -> name -> function of a cloud that makes the call to be timed."""
+
+    def ours(op):
+        def make(xyz):
+            points = tf.constant(xyz[None])
+            queries = tf.constant(xyz[None, :QUERIES])
+            return lambda: op(len(xyz), points, queries)
+
+        return make
+
+    def peer(knn):
+        return lambda xyz: partial(knn, xyz[None], xyz[None, :QUERIES])
+
+    return {
+        "farthest_point_sample, N / 8 of N": {
+            "ours": ours(lambda n, points, _: tf_ops.farthest_point_sample(n // 8, points)),
+            **{
+                f"fpsample h={h}": lambda xyz, h=h: partial(peers.fps(h), xyz[None], len(xyz) // 8)
+                for h in peers.HEIGHTS
+            },
+        },
+        f"query_ball_point, r = 1, 32 of N for {QUERIES}": {
+            "ours": ours(
+                lambda _, points, queries: tf_ops.query_ball_point(1, 32, points, queries)
+            ),
+            "scipy": peer(partial(peers.ball_scipy, 1.0)),
+        },
+        f"knn_point, k = 8 of N for {QUERIES}": {
+            "ours": ours(lambda _, points, queries: tf_ops.knn_point(8, points, queries)),
+            **{name: peer(partial(knn, 8)) for name, knn in peers.KNN.items()},
+        },
+    }
+
+
+def repeated(call: Callable[[], object]) -> float:
+    """Median time in ms of as many calls as the budget allows, after one to warm up."""
+    first = seconds(call)
+    calls = int(np.clip(BUDGET_S / max(first, 1e-6), 1, 21))
+    return 1e3 * float(np.median([seconds(call) for _ in range(calls)]))
+
+
+def measure() -> list[dict[str, Any]]:
+    """A list of {panel, name, sizes, times in ms}."""
+    clouds = [scans.synthesised_scan(size) for size in SIZES]
+    jobs = [
+        (panel, name, make) for panel, names in curves().items() for name, make in names.items()
+    ]
+    return [
+        {
+            "panel": panel,
+            "name": name,
+            "sizes": SIZES,
+            "ms": [repeated(make(xyz)) for xyz in clouds],
+        }
+        for panel, name, make in progress(jobs, len(jobs), "growth", "curve")
+    ]
+
+
+def plot(results: list[dict[str, Any]], path: Path) -> None:
+    """Log-log plot, a panel for each op."""
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    panels = list(dict.fromkeys(result["panel"] for result in results))
+    figure, axes = plt.subplots(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
+    for axis, panel in zip(axes[0], panels, strict=True):
+        for result in (r for r in results if r["panel"] == panel):
+            mine = result["name"] == "ours"
+            axis.loglog(
+                result["sizes"],
+                result["ms"],
+                "o-" if mine else ".--",
+                linewidth=2.2 if mine else 1.2,
+                label=result["name"],
+            )
+        axis.set(title=panel, xlabel="N", ylabel="ms")
+        axis.title.set_size(9)
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7)
+    figure.tight_layout()
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=90)
+    plt.close(figure)

@@ -1,0 +1,43 @@
+"""Medians of calls that take turns, so that a busy moment of the machine hits both alike."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tf_ops.bench.cases import Case
+
+WARM_UP = 2
+PROBE = 3  # calls of each peer that choose the best one
+
+
+def seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
+    """One row of the table: median times in milliseconds, and their ratio to the best peer's."""
+    for _ in range(WARM_UP):
+        case.ours()
+    row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal}
+    if ours_only:
+        return row | {"ours_ms": 1e3 * float(np.median([seconds(case.ours) for _ in range(calls)]))}
+    probes = {name: min(seconds(peer) for _ in range(PROBE)) for name, peer in case.peers.items()}
+    best = min(probes, key=probes.get)
+    times = np.array([(seconds(case.ours), seconds(case.peers[best])) for _ in range(calls)])
+    ours, peer = 1e3 * np.median(times, axis=0)
+    spread = 1e3 * np.percentile(times, [25, 75], axis=0).T
+    return row | {
+        "ours_ms": float(ours),
+        "ours_quartiles_ms": spread[0].tolist(),
+        "peer": best,
+        "peer_ms": float(peer),
+        "peer_quartiles_ms": spread[1].tolist(),
+        "ratio": float(ours / peer),
+        "probes_ms": {name: 1e3 * value for name, value in probes.items()},
+    }
