@@ -7,11 +7,11 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.flags import ArgumentParser, non_negative_int, positive_int, run
-from kitti.seqmap import write_seqmap
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
-from simulator.dataset import Plan, make_dataset
+from simulator.dataset import make_dataset
 from simulator.frames import Options
+from simulator.plan import Plan
 
 OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # numbering as KITTI's split here
 
@@ -61,11 +61,12 @@ def _own_plan(flags, options: Options) -> Plan:
     split = flags.split or "train"
     numbers = OWN_SEQUENCES[split]
     count = flags.sequences or len(numbers)
-    first = numbers[0] if split == "train" else 16
-    last = len(numbers) if split == "train" else 10**4 - 16
-    if count > last:
-        raise InputError(f"--sequences: split {split} has room for {last}, found {count}")
-    frames = {first + index: flags.frames or 200 for index in range(count)}
+    if count > len(numbers):
+        raise InputError(
+            f"--sequences: split {split} has {len(numbers)} numbers "
+            f"({numbers[0]:04d}-{numbers[-1]:04d}), found {count}"
+        )
+    frames = dict.fromkeys(numbers[:count], flags.frames or 200)
     return Plan("traffic", {"split": split}, flags.seed, frames, options)
 
 
@@ -74,7 +75,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = parser().parse_args(argv)
     plan = make_plan(flags)
     made = make_dataset(plan, flags.out, flags.processes)
-    write_seqmap(flags.out, "training", plan.frames)
     total = sum(plan.frames.values())
     word = "simulated" if made else "already there, complete:"
     print(f"{word} {len(plan.frames)} sequences, {total} frames in {flags.out}")

@@ -27,7 +27,7 @@ NEAR = 130.0  # metres within which objects are kept
 
 @dataclass(frozen=True)
 class DriveWorld:
-    """A `simulator.dataset.World` of own traffic.
+    """A `simulator.plan.World` of own traffic.
 
     poses (F, 4, 4) level frame -> world; per frame: rows of agents that are near (lists of
     arrays), their world boxes (M, 7) and speeds (M,).

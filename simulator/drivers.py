@@ -10,16 +10,16 @@ import numpy as np
 from common.files import write_bytes
 from kitti.sequence import Sequence
 from simulator.config import SENSOR
-from simulator.dataset import Builder, Plan
 from simulator.drive import DriveWorld, drive
 from simulator.oxts import write_oxts
+from simulator.plan import Builder, Plan
 from simulator.replay import Replay, replay
 from simulator.scan import Scene, Sweep
 
 
 @dataclass(frozen=True)
 class LabelWorld:
-    """A labelled sequence as a `simulator.dataset.World`; its text files are the source's own."""
+    """A labelled sequence as a `simulator.plan.World`; its text files are the source's own."""
 
     sequence: Sequence
     replay: Replay

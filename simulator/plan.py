@@ -1,0 +1,78 @@
+"""What a data set is: its driver, sequences and options, and where its files go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from kitti.calibration import Calibration
+from kitti.objects import Objects
+from kitti.splits import sequence_name
+from simulator import VERSION
+from simulator.config import RETURNS, SENSOR, SIZES
+from simulator.frames import Options
+from simulator.scan import Scene, Sweep
+
+
+class World(Protocol):
+    """What a driver builds for one sequence; bigger than its frames, so kept by each process."""
+
+    calib: Calibration
+    image_size: tuple[int, int]
+    poses: Any  # (F, 4, 4)
+
+    def scene(self, frame: int, motion: bool) -> Scene:
+        """The scene of `frame`."""
+
+    def labels(self, frame: int, sweep: Sweep) -> Objects | None:
+        """Label rows of `frame`; None if `write_texts` writes the labels."""
+
+    def write_texts(self, root: Path, name: str, frames: int) -> None:
+        """Writes labels, calibration, oxts and what else is known, for the first `frames`."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A data set to be made: `driver` names an entry of `simulator.drivers.DRIVERS`, `spec` is
+    its JSON-ready description, `frames` says how many frames each sequence has."""
+
+    driver: str
+    spec: dict[str, Any]
+    seed: int
+    frames: dict[int, int]
+    options: Options
+
+    def manifest(self) -> dict[str, Any]:
+        """What identifies the data set: same manifest, same bytes."""
+        return {
+            "format": "KITTI tracking, simulated",
+            "version": VERSION,
+            "driver": self.driver,
+            "spec": self.spec,
+            "seed": self.seed,
+            "frames": {sequence_name(seq): count for seq, count in self.frames.items()},
+            "options": asdict(self.options),
+            "sensor": asdict(SENSOR),
+            "returns": asdict(RETURNS),
+            "sizes": asdict(SIZES),
+        }
+
+
+Builder = Callable[[Plan, int], World]
+
+
+def scan_path(root: Path, seq: int, frame: int) -> Path:
+    """Where a scan goes in KITTI's layout."""
+    return root / "training" / "velodyne" / sequence_name(seq) / f"{frame:06d}.bin"
+
+
+def part_path(root: Path, seq: int, frame: int) -> Path:
+    """Where one frame's labels wait until all frames of the sequence are there."""
+    return root / ".parts" / sequence_name(seq) / f"{frame:06d}.txt"
+
+
+def label_path(root: Path, seq: int) -> Path:
+    """Where labels go in KITTI's layout."""
+    return root / "training" / "label_02" / f"{sequence_name(seq)}.txt"

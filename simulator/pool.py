@@ -1,0 +1,98 @@
+"""Jobs over processes. A job is a stretch of frames of one sequence.
+
+Every frame's bytes depend on (seed, sequence, frame) alone, so neither the number of processes
+nor an interruption shows in the result.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict
+from functools import lru_cache
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+from kitti.labels import write_labels
+from kitti.scans import write_scan
+from kitti.splits import sequence_name
+from simulator.config import SENSOR
+from simulator.drivers import DRIVERS
+from simulator.frames import Options, ego_velocity, take_sweep
+from simulator.plan import Plan, World, part_path, scan_path
+
+Job = tuple[int, list[int]]
+"""Sequence number and frames; no frames: the text files alone."""
+
+_stop: Event | None = None  # set in each worker: whether the run was interrupted
+
+
+def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterator[None]:
+    """Runs the jobs; yields now and then, so that progress can be shown.
+
+    When it is interrupted, workers finish the frame they are at and write no other.
+    """
+    if processes == 1:
+        for seq, frames in jobs:
+            for first in range(0, max(len(frames), 1), 10):
+                _work(plan, root, seq, frames[first : first + 10])
+                yield
+        return
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"  # the processes share the cores; their matrices are small
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    with ProcessPoolExecutor(
+        processes, mp_context=context, initializer=_begin, initargs=(stop,)
+    ) as pool:
+        waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
+        try:
+            while waiting:
+                done, waiting = wait(waiting, timeout=2.0, return_when=FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                yield
+        except BaseException:
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _begin(stop: Event) -> None:
+    global _stop  # noqa: PLW0603 - handed to each worker once, when it starts
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it and says stop
+
+
+def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> None:
+    world = _world(json.dumps(asdict(plan), sort_keys=True), seq)
+    world.write_texts(root / "training", sequence_name(seq), plan.frames[seq])
+    for frame in frames:
+        if _stop is not None and _stop.is_set():
+            return
+        result = take_sweep(
+            world.scene(frame, plan.options.motion_distortion),
+            world.calib,
+            world.image_size,
+            plan.options,
+            (plan.seed, seq, frame),
+            ego_velocity(world.poses, frame, SENSOR.period_s),
+        )
+        rows = world.labels(frame, result)
+        if rows is not None:
+            write_labels(part_path(root, seq, frame), rows)
+        write_scan(scan_path(root, seq, frame), result.points)
+
+
+@lru_cache(maxsize=2)
+def _world(plan_json: str, seq: int) -> World:
+    """Each process builds a sequence's world once; it is the same in all of them."""
+    fields = json.loads(plan_json)
+    fields["options"] = Options(**fields["options"])
+    fields["frames"] = {int(key): count for key, count in fields["frames"].items()}
+    plan = Plan(**fields)
+    return DRIVERS[plan.driver](plan, seq)

@@ -1,0 +1,184 @@
+"""Data sets: layout, same bytes, resume, reuse, refusals; and replay of a labelled set."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common.flags import run
+from kitti.boxes import points_in_boxes
+from kitti.sequence import Sequence, open_sequences
+from simulator.__main__ import main
+
+FRAMES = 3
+
+
+def files(root: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(root)): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+
+
+def own(out: Path, *flags: str) -> list[str]:
+    return ["--out", str(out), "--split", "val", "--sequences", "1", "--frames", str(FRAMES),
+            "--seed", "5", *flags]  # fmt: skip
+
+
+def replayed(out: Path, source: Path, *flags: str) -> list[str]:
+    return ["--out", str(out), "--from_labels", str(source), "--seqs", "0016", *flags]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("own") / "data"
+    assert run(main, own(out, "--processes", "1")) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def again(made, tmp_path_factory) -> Path:
+    """A replay of the own traffic's labels."""
+    out = tmp_path_factory.mktemp("replay") / "data"
+    assert run(main, replayed(out, made, "--processes", "1")) == 0
+    return out
+
+
+def test_kitti_reads_it_with_no_special_case(made):
+    (sequence,) = open_sequences(made, [16])
+    assert sequence.num_frames == FRAMES and len(sequence.pairs()) == FRAMES - 1
+    assert sequence.poses.shape == (FRAMES, 4, 4)
+    labelled = sequence.objects[sequence.objects.type != "DontCare"]
+    assert len(labelled) > 3 and np.isfinite(labelled.boxes).all()
+    assert set(np.unique(labelled.occlusion)) <= {0, 1, 2}
+    points = sequence.read_points_level(0)
+    uncropped = sequence.read_points_level(0, crop=False)
+    assert 8000 < len(points) < 25000 and len(points) == len(uncropped)
+    oxts = (made / "training/oxts/0016.txt").read_text().splitlines()
+    assert len(oxts) == FRAMES and all(len(line.split()) == 30 for line in oxts)
+    manifest = json.loads((made / "manifest.json").read_text())
+    assert manifest["complete"] is True and manifest["seed"] == 5 and manifest["version"] >= 1
+    assert manifest["sensor"]["azimuth_step_deg"] == pytest.approx(0.1798)
+
+
+def test_labels_hold_the_points_of_their_objects(made):
+    sequence = Sequence(made, 16)
+    now = sequence.objects.at(1).of_classes(("Car", "Van", "Truck"))
+    owner = points_in_boxes(sequence.read_points_level(1), now.boxes, 0.1)
+    visible = np.flatnonzero((now.occlusion == 0) & (now.boxes[:, 0] < 30))
+    for row in visible:
+        assert (owner == row).sum() >= 10
+
+
+def test_track_ids_never_change(made):
+    objects = Sequence(made, 16).objects
+    objects = objects[objects.type != "DontCare"]
+    for track in np.unique(objects.track_id):
+        rows = objects[objects.track_id == track]
+        assert len(set(rows.type)) == 1 and len(set(rows.frame)) == len(rows)
+        np.testing.assert_allclose(rows.boxes[:, 3:6].std(axis=0), 0, atol=1e-5)
+
+
+def test_same_bytes_whatever_the_number_of_processes(again, made, tmp_path):
+    out = tmp_path / "data"
+    assert run(main, replayed(out, made, "--processes", "2")) == 0
+    assert files(out) == files(again)
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(again, made, tmp_path):
+    out = tmp_path / "data"
+    assert run(main, replayed(out, made, "--processes", "1")) == 0
+    manifest = json.loads((out / "manifest.json").read_text())
+    (out / "manifest.json").write_text(json.dumps({**manifest, "complete": False}))
+    scans = sorted((out / "training/velodyne/0016").glob("*.bin"))
+    kept = scans[0].stat().st_mtime_ns
+    scans[1].unlink()
+    (out / "training/label_02/0016.txt").unlink()
+    assert run(main, replayed(out, made, "--processes", "1")) == 0
+    assert scans[0].stat().st_mtime_ns == kept
+    assert files(out) == files(again)
+
+
+def test_own_traffic_gives_the_same_bytes_again(made, tmp_path):
+    out = tmp_path / "data"
+    assert run(main, own(out, "--processes", "1")) == 0
+    assert files(out) == files(made)
+    (out / "training/label_02/0016.txt").unlink()  # as if interrupted before the labels
+    assert run(main, own(out, "--processes", "1")) == 0
+    assert files(out) == files(made)
+
+
+def test_a_finished_folder_is_recognised(again, made, capsys):
+    before = {path: path.stat().st_mtime_ns for path in again.rglob("*")}
+    assert run(main, replayed(again, made)) == 0
+    assert "already there" in capsys.readouterr().out
+    assert before == {path: path.stat().st_mtime_ns for path in again.rglob("*")}
+
+
+def test_replayed_labels_equal_the_source(again, made):
+    for folder in ("label_02", "calib"):
+        source, copy = (root / "training" / folder / "0016.txt" for root in (made, again))
+        assert source.read_bytes() == copy.read_bytes()
+    np.testing.assert_array_equal(
+        Sequence(made, 16).objects.boxes, Sequence(again, 16).objects.boxes
+    )
+
+
+def test_replay_of_fewer_frames_is_whole(made, tmp_path):
+    out = tmp_path / "data"
+    assert run(main, replayed(out, made, "--frames", "2", "--processes", "1")) == 0
+    sequence = Sequence(out, 16)
+    assert sequence.num_frames == 2 and sequence.objects.frame.max() == 1
+    assert len(sequence.poses) == 2
+
+
+def test_options_change_what_they_say(again, made, tmp_path):
+    around, moving = tmp_path / "full", tmp_path / "moving"
+    assert run(main, replayed(around, made, "--frames", "2", "--full", "--processes", "1")) == 0
+    flags = ("--frames", "2", "--motion_distortion", "--processes", "1")
+    assert run(main, replayed(moving, made, *flags)) == 0
+    whole = Sequence(around, 16).read_points_level(1, crop=False)
+    assert (whole[:, 0] < -5).sum() > 5000 and len(whole) > 60000
+    still = Sequence(again, 16).read_points_level(1)
+    distorted = Sequence(moving, 16).read_points_level(1)
+    assert not np.array_equal(still, distorted)
+    assert len(distorted) == pytest.approx(len(still), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("flags", "word"),
+    [
+        (["--sequences", "99"], "--sequences"),
+        (["--seqs", "0016"], "--seqs"),
+        (["--from_labels", "nowhere"], "--seqs"),
+        (["--from_labels", "nowhere", "--seqs", "0016"], "nowhere"),
+        (["--from_labels", "nowhere", "--seqs", "0016", "--split", "val"], "--split"),
+    ],
+)
+def test_flags_that_do_not_fit(flags, word, tmp_path, capsys):
+    assert run(main, ["--out", str(tmp_path / "x"), *flags]) == 2
+    error = capsys.readouterr().err
+    assert word in error and error.count("\n") == 1
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.parametrize("flags", [["--frames", "0"], ["--seed", "-1"], ["--split", "test"]])
+def test_flags_that_are_wrong(flags, tmp_path, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--out", str(tmp_path / "x"), *flags])
+    assert caught.value.code == 2
+    assert flags[0] in capsys.readouterr().err
+
+
+def test_folders_of_others_are_left_alone(again, made, tmp_path, capsys):
+    assert run(main, replayed(again, made, "--seed", "9")) == 2
+    assert "another data set" in capsys.readouterr().err
+    (tmp_path / "mine.txt").write_text("dear")
+    assert run(main, replayed(tmp_path, made)) == 2
+    assert "manifest.json" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "manifest.json").write_text("{")
+    assert run(main, replayed(broken, made)) == 2
+    assert "JSON" in capsys.readouterr().err

@@ -1,0 +1,82 @@
+"""Replay of real label files, and fidelity where there are real scans."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.flags import run
+from experiments import simulator_fidelity
+from kitti.boxes import points_in_boxes
+from kitti.sequence import Sequence
+from simulator.fidelity import count_beams, histogram_distance
+from simulator.frames import Options, take_sweep
+from simulator.replay import replay
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture(scope="module")
+def world(kitti_root):
+    sequence = Sequence(kitti_root, 16)
+    return sequence, replay(sequence, np.random.default_rng(0))
+
+
+def test_scene_boxes_are_the_labels(world):
+    sequence, scenes = world
+    for frame in (0, 50, 208):
+        labels = sequence.objects.at(frame)
+        labels = labels[labels.type != "DontCare"]
+        np.testing.assert_array_equal(scenes.scene(frame).boxes, labels.boxes)
+
+
+def test_nothing_static_where_a_labelled_object_is(world):
+    sequence, scenes = world
+    for frame in (5, 100):
+        scene = scenes.scene(frame)
+        where = (sequence.calib, sequence.image_size, Options(), (0, 16, frame))
+        result = take_sweep(scene, *where)
+        static = sequence.calib.velo_to_level(result.points[result.owner == -1, :3])
+        assert len(static) > 1000
+        assert (points_in_boxes(static, scene.boxes) == -1).all()
+
+
+def test_no_wall_before_what_is_labelled_visible(world):
+    sequence, scenes = world
+    frame = 50
+    labels = sequence.objects.at(frame)
+    labels = labels[labels.type != "DontCare"]
+    where = (sequence.calib, sequence.image_size, Options(), (0, 16, frame))
+    result = take_sweep(scenes.scene(frame), *where)
+    visible = (labels.occlusion == 0) & (result.rays > 20)
+    assert visible.any()
+    assert (result.seen[visible] > 0.5 * result.rays[visible]).mean() > 0.8
+
+
+@pytest.mark.slow
+def test_fidelity_meets_its_goals(kitti_root, tmp_path, capsys):
+    flags = ["--data_root", str(kitti_root), "--out", str(tmp_path), "--every", "14", "--seeds",
+             "1", "--pictures", "20"]  # fmt: skip
+    assert run(simulator_fidelity.main, flags) == 0
+    printed = capsys.readouterr()
+    assert "points per vehicle, Spearman" in printed.out
+    assert "goals missed: none" in printed.err
+    assert (tmp_path / "fidelity.json").stat().st_size > 500
+    assert (tmp_path / "fidelity.png").stat().st_size > 10000
+
+
+def test_fidelity_is_skipped_without_data(tmp_path, capsys):
+    flags = ["--data_root", str(tmp_path), "--out", str(tmp_path / "out")]
+    assert run(simulator_fidelity.main, flags) == 0
+    assert "skipped" in capsys.readouterr().out
+
+
+def test_fidelity_figures():
+    rings = [
+        (10 * np.cos(a), 10 * np.sin(a), 0.2 + 10 * np.tan(np.radians(e)))
+        for e in (-1.0, -1.4, -2.5)
+        for a in (0.0, 0.01, 0.02)
+    ]
+    assert count_beams(np.array(rings)) == 3 and count_beams(np.zeros((0, 3))) == 0
+    assert histogram_distance(np.array([2, 0]), np.array([0, 5])) == 1
+    assert histogram_distance(np.array([1, 1]), np.array([2, 2])) == 0
