@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from kitti.iou import iou_3d
 from models.box_coding import decode_boxes
 from models.config import BoxCodingConfig, note
 from models.probability_filter import foreground_probability
+from tf_ops import box_iou_3d
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _suppress(boxes, probability, classes, config: DecodingConfig) -> Detections
         return Detections(
             np.zeros((0, 7), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
         )
-    iou = iou_3d(boxes, boxes)
+    iou = box_iou_3d(boxes, boxes).numpy()
     votes = np.where(iou >= config.vote_iou, iou, 0.0) * probability
     support = votes.sum(-1)
     alive, kept, scores, labels = np.ones(len(boxes), bool), [], [], []

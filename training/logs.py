@@ -18,7 +18,7 @@ class History:
 
     def __init__(self, path: str | Path, last_step: int = 0):
         self.path = Path(path)
-        self.rows = [row for row in self._read() if int(float(row["step"])) <= last_step]
+        self.rows = [row for row in self._read() if row["step"] <= last_step]
 
     def _read(self) -> list[dict[str, Any]]:
         if not self.path.exists():

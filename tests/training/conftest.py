@@ -1,0 +1,18 @@
+"""The data that the training tests share."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
+
+from tiny_kitti import write_sequence
+
+
+@pytest.fixture(scope="session")
+def tiny_data(tmp_path_factory) -> Path:
+    """Sequence 0000 with five frames."""
+    return write_sequence(tmp_path_factory.mktemp("tiny_kitti"), frames=5)

@@ -1,0 +1,158 @@
+"""What the networks are taught: targets, augmentation, order of samples."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from network_cases import SMALL_DETECTOR
+from tiny_kitti import boxes_at, write_sequence
+
+from common.errors import InputError
+from kitti.boxes import points_in_boxes
+from kitti.sequence import open_sequences
+from training.augmentation import SceneTransform, random_offsets
+from training.config import AugmentationConfig, DetectorTrainingConfig
+from training.frames import FrameReader, frame_list, open_training_data, pair_list, read_frame
+from training.pipeline import Order, micro_batches
+from training.samples import detector_sample, no_augmentation, pair_sample
+
+CLASSES = ("Car", "Van")
+CONFIG = DetectorTrainingConfig(dataclasses.replace(SMALL_DETECTOR, num_points=400))
+
+
+@pytest.fixture(scope="module")
+def frames(tiny_data):
+    (sequence,) = open_sequences(tiny_data, [0], "training")
+    return [read_frame(sequence, t, CLASSES) for t in range(5)]
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def test_foreground_points_tell_the_centre_of_their_box(frames):
+    sample = detector_sample(frames[0], CONFIG, no_augmentation(), rng())
+    foreground = sample.foreground > 0
+    assert foreground.sum() > 50
+    centers = (sample.query + sample.targets.center_offset)[foreground]
+    distance = np.linalg.norm(centers[:, None] - frames[0].boxes[None, :, :3], axis=-1).min(1)
+    assert distance.max() < 1e-4
+    assert not sample.targets.center_offset[~foreground].any()
+    assert not sample.box_weights[~foreground].any()
+    assert sample.box_weights[foreground].mean() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_query_points_stand_for_all_points(frames):
+    config = dataclasses.replace(CONFIG, query_points=200)
+    everywhere = detector_sample(frames[0], CONFIG, no_augmentation(), rng())
+    some = detector_sample(frames[0], config, no_augmentation(), rng())
+    assert len(some.query) == 200
+    for label in (0, 1):
+        assert some.mask_weights[some.foreground == label].sum() == pytest.approx(
+            everywhere.mask_weights[everywhere.foreground == label].sum(), rel=1e-4
+        )
+
+
+def test_augmented_boxes_still_hold_their_points(frames):
+    config = AugmentationConfig(displacement=1.0, displaced_share=1.0, dropout=0.5)
+    for seed in range(8):
+        sample = detector_sample(frames[1], CONFIG, config, rng(seed))
+        foreground = sample.foreground > 0
+        centers = (sample.query + sample.targets.center_offset)[foreground]
+        spread = np.unique(np.round(centers, 2), axis=0)
+        assert len(spread) <= 2 * 4  # two objects, up to rounding
+        assert np.abs(sample.targets.center_offset[foreground]).max() < 2.4
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_transform_moves_points_and_boxes_alike(flip):
+    transform = SceneTransform(flip, yaw=0.7, scale=1.1, height=0.3)
+    box = boxes_at(0)
+    points = box[:, :3] + np.array([0.5, 0.2, 0.1])
+    np.testing.assert_array_equal(points_in_boxes(points, box), [0, 1])
+    moved = transform.boxes(box)
+    np.testing.assert_array_equal(points_in_boxes(transform.points(points), moved), [0, 1])
+    np.testing.assert_allclose(moved[:, 3:6], 1.1 * box[:, 3:6])
+
+
+def test_offsets_stay_within_their_distance():
+    offsets = random_offsets(1000, 2.0, rng())
+    length = np.linalg.norm(offsets, axis=1)
+    assert length.max() <= 2.0
+    assert length.mean() == pytest.approx(1.0, abs=0.1)
+
+
+def test_pair_displacement_is_the_motion_of_the_box(frames):
+    sample = pair_sample(frames[0], frames[1], 400, no_augmentation(), rng())
+    moving = (sample.foreground == 1) & (sample.previous[:, 1] > 0)
+    parked = (sample.foreground == 1) & (sample.previous[:, 1] < 0)
+    expected = boxes_at(1)[0, :3] - boxes_at(0)[0, :3]
+    np.testing.assert_allclose(sample.displacement[moving], [expected] * moving.sum(), atol=1e-4)
+    np.testing.assert_allclose(sample.displacement[parked], 0, atol=1e-4)
+    assert not sample.displacement[sample.foreground == 0].any()
+
+
+def test_an_object_that_leaves_is_ignored(frames):
+    gone = frames[1]._replace(
+        boxes=frames[1].boxes[1:], classes=frames[1].classes[1:], track_ids=frames[1].track_ids[1:]
+    )
+    sample = pair_sample(frames[0], gone, 400, no_augmentation(), rng())
+    left = (sample.foreground == -1) & (sample.previous[:, 1] > 0)
+    assert left.sum() > 20
+    assert not sample.displacement[sample.foreground == -1].any()
+
+
+def test_frames_without_objects(frames):
+    empty = frames[0]._replace(
+        boxes=np.zeros((0, 7)), classes=np.zeros(0, np.int32), track_ids=np.zeros(0, np.int32)
+    )
+    sample = detector_sample(empty, CONFIG, AugmentationConfig(), rng())
+    assert not sample.foreground.any()
+    pair = pair_sample(empty, empty, 400, AugmentationConfig(), rng())
+    assert not pair.displacement.any()
+
+
+def test_missing_scans_make_no_pair(tmp_path):
+    write_sequence(tmp_path, frames=5, missing=(2,))
+    sequences = open_sequences(tmp_path, [0], "training")
+    assert frame_list(sequences) == [(0, 0), (0, 1), (0, 3), (0, 4)]
+    assert pair_list(sequences) == [(0, 1), (0, 4)]
+
+
+def test_reader_reads_once(tiny_data):
+    reader = FrameReader(open_sequences(tiny_data, [0], "training"), CLASSES)
+    assert reader.read(0, 1) is reader.read(0, 1)
+
+
+def test_roots_and_sequences_go_together(tiny_data):
+    assert len(open_training_data([tiny_data, tiny_data], ["0000"])) == 2
+    with pytest.raises(InputError, match="one --seqs for each --data_root"):
+        open_training_data([tiny_data], ["0000", "0001"])
+
+
+def test_every_sample_comes_once_in_a_round():
+    order = Order(num_samples=10, epoch_size=10, batch_size=4, seed=1)
+    seen = np.concatenate([order.batch(step) for step in range(5)])
+    np.testing.assert_array_equal(np.sort(seen[:10]), np.arange(10))
+    np.testing.assert_array_equal(np.sort(seen[10:]), np.arange(10))
+    assert not np.array_equal(seen[:10], seen[10:])
+
+
+def test_order_can_start_anywhere():
+    order = Order(7, 7, 3, seed=2)
+    whole = list(micro_batches(order, 0, 6, 0, 1, 1))
+    late = list(micro_batches(order, 4, 6, 0, 1, 1))
+    for (a, b), (c, d) in zip(whole[4:], late, strict=True):
+        np.testing.assert_array_equal(a, c)
+        np.testing.assert_array_equal(b, d)
+
+
+def test_replicas_share_a_batch():
+    order = Order(20, 20, 8, seed=3)
+    whole = [indices for indices, _ in micro_batches(order, 0, 2, 0, 1, 1)]
+    parts = [list(micro_batches(order, 0, 2, worker, 2, 4)) for worker in (0, 1)]
+    for step in range(2):
+        joined = [parts[w][2 * step + r][0] for w in (0, 1) for r in (0, 1)]
+        np.testing.assert_array_equal(np.concatenate(joined), whole[step])

@@ -1,0 +1,298 @@
+"""Whole trainings: resumed after SIGKILL, on two workers, diverging, and overfitting."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from network_cases import SMALL_DETECTOR, SMALL_TRACKER
+
+import train_det
+import train_track
+from common.errors import InputError
+from common.flags import run as run_script
+from kitti.sequence import open_sequences
+from models.detector import Detector
+from training import checkpoint, loop
+from training.config import (
+    AugmentationConfig,
+    DetectorTrainingConfig,
+    ScheduleConfig,
+    TrackerTrainingConfig,
+)
+from training.detector_task import DetectorTask
+from training.samples import no_augmentation
+from training.strategies import make_strategy
+from training.tracker_task import TrackerTask
+from training.weights import load_detector, load_networks, load_tracker
+
+SCRIPT = Path(__file__).with_name("train_small.py")
+
+
+def start_process(*arguments, **environment) -> subprocess.Popen:
+    command = [sys.executable, str(SCRIPT), *map(str, arguments)]
+    return subprocess.Popen(
+        command,
+        env={**os.environ, "TF_CPP_MIN_LOG_LEVEL": "2", **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def finish(*processes: subprocess.Popen) -> list[int]:
+    outputs = [process.communicate(timeout=280)[0] for process in processes]
+    codes = [process.returncode for process in processes]
+    assert all(code in (0, -signal.SIGKILL) for code in codes), outputs
+    return codes
+
+
+def last_arrays(workdir: Path) -> dict[str, np.ndarray]:
+    folder = checkpoint.CheckpointFolder(workdir / "checkpoints", 3)
+    return checkpoint.load(folder.path(folder.steps()[-1]))[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["detector", "tracker"])
+def test_killed_and_resumed_equals_uninterrupted(kind, tiny_data, tmp_path):
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    processes = [
+        start_process(kind, tiny_data, whole),
+        start_process(kind, tiny_data, cut, "--die_after", 4),
+    ]
+    assert finish(*processes) == [0, -signal.SIGKILL]
+    assert finish(start_process(kind, tiny_data, cut, "--resume")) == [0]
+    expected, found = last_arrays(whole), last_arrays(cut)
+    assert expected.keys() == found.keys()
+    for name in expected:
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+    rows = [(folder / "history.csv").read_text().splitlines() for folder in (whole, cut)]
+    assert len(rows[0]) == len(rows[1]) == 1 + 3
+
+
+def free_ports(count: int) -> list[int]:
+    sockets = [socket.socket() for _ in range(count)]
+    for s in sockets:
+        s.bind(("127.0.0.1", 0))
+    ports = [s.getsockname()[1] for s in sockets]
+    for s in sockets:
+        s.close()
+    return ports
+
+
+@pytest.mark.slow
+def test_two_workers_equal_one_with_the_joint_batch(tiny_data, tmp_path):
+    workers = [f"127.0.0.1:{port}" for port in free_ports(2)]
+
+    def tf_config(index):
+        task = {"type": "worker", "index": index}
+        return json.dumps({"cluster": {"worker": workers}, "task": task})
+
+    folders = [tmp_path / "worker0", tmp_path / "worker1", tmp_path / "one"]
+    finish(
+        *[
+            start_process(
+                "detector",
+                tiny_data,
+                folders[i],
+                "--strategy",
+                "multiworker",
+                "--epochs",
+                1,
+                TF_CONFIG=tf_config(i),
+            )
+            for i in range(2)
+        ]
+    )
+    finish(start_process("detector", tiny_data, folders[2], "--epochs", 1))
+    first, alone = last_arrays(folders[0]), last_arrays(folders[2])
+    _, second = checkpoint.load(folders[1] / "weights.npz")
+    for name, array in second.items():
+        np.testing.assert_array_equal(array, first[name], err_msg=name)
+    for name in second:
+        np.testing.assert_allclose(first[name], alone[name], rtol=0.05, atol=3e-3, err_msg=name)
+    losses = [
+        float((folder / "history.csv").read_text().splitlines()[1].split(",")[2])
+        for folder in (folders[0], folders[2])
+    ]
+    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+
+
+def detector_run(data, workdir, schedule, **changes):
+    sequences = open_sequences(data, [0], "training")
+    config = DetectorTrainingConfig(SMALL_DETECTOR, schedule=schedule, **changes)
+    return loop.start(
+        lambda: DetectorTask(config, sequences, sequences), make_strategy("one"), workdir, {}
+    )
+
+
+SHORT = ScheduleConfig(epochs=1, frames_per_epoch=4, batch_size=2, validation_frames=2)
+
+
+def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
+    run = detector_run(tiny_data, tmp_path, SHORT)
+    figures = loop.run_training(run)
+    assert {"loss", "mask", "center", "mask_iou", "box_recall_0.5"} <= figures.keys()
+    for name in ("config.json", "history.csv", "curves.png", "checkpoints/best.npz"):
+        assert (tmp_path / name).stat().st_size > 0
+    with pytest.raises(InputError, match="--resume"):
+        loop.run_training(detector_run(tiny_data, tmp_path, SHORT))
+    other = dataclasses.replace(SHORT, seed=5)
+    with pytest.raises(InputError, match=r"another configuration: schedule.seed 0 -> 5"):
+        loop.run_training(detector_run(tiny_data, tmp_path, other), resume=True)
+
+
+def test_a_loss_that_is_not_finite_stops_and_keeps_the_checkpoint(tiny_data, tmp_path):
+    schedule = dataclasses.replace(SHORT, epochs=3, checkpoint_minutes=0.0)
+    run = detector_run(tiny_data, tmp_path, schedule)
+    losses, calls = run.task.losses, []
+
+    def failing(batch, training):
+        terms = losses(batch, training)
+        step = tf.cast(run.optimizer.iterations.value, tf.float32)
+        calls.append(1)
+        bad = tf.where(step >= 3.0, np.nan, 1.0)
+        return {name: value * bad for name, value in terms.items()}
+
+    run.task.losses = failing
+    with pytest.raises(loop.TrainingDivergedError, match="step 3"):
+        loop.run_training(run)
+    folder = checkpoint.CheckpointFolder(tmp_path / "checkpoints", 3)
+    assert folder.steps()[-1] == 3
+    arrays = checkpoint.load(folder.path(3))[1]
+    assert all(np.isfinite(array).all() for array in arrays.values())
+
+
+@pytest.mark.slow
+def test_four_frames_are_learnt_by_heart(tiny_data, tmp_path):
+    """Loss falls to near zero and every box is found (recall and precision 1)."""
+    schedule = ScheduleConfig(
+        epochs=1,
+        frames_per_epoch=4 * 400,
+        batch_size=4,
+        cycle_epochs=1,
+        learning_rate_max=0.01,
+        validation_frames=4,
+    )
+    run = detector_run(
+        tiny_data,
+        tmp_path,
+        schedule,
+        augmentation=no_augmentation(),
+    )
+    run.task.items = run.task.items[:4]
+    run.order = dataclasses.replace(run.order, num_samples=4)
+    figures = loop.run_training(run)
+    assert figures["mask_iou"] > 0.9
+    assert figures["box_recall_0.5"] == figures["box_precision_0.5"] == 1.0
+    batch = run.task.prepare(
+        tf.nest.map_structure(
+            lambda x: tf.convert_to_tensor(x)[None], run.task.make_validation(0, 0)
+        )
+    )
+    assert float(run.task.losses(batch, training=False)["loss"]) < 0.1
+
+
+@pytest.mark.slow
+def test_one_batch_of_pairs_is_learnt_to_5_cm(tiny_data, tmp_path):
+    sequences = open_sequences(tiny_data, [0], "training")
+    schedule = ScheduleConfig(
+        epochs=1,
+        frames_per_epoch=4 * 300,
+        batch_size=4,
+        cycle_epochs=1,
+        learning_rate_max=0.01,
+        validation_frames=0,
+    )
+    config = TrackerTrainingConfig(SMALL_TRACKER, augmentation=no_augmentation(), schedule=schedule)
+    tf.keras.utils.set_random_seed(0)
+    run = loop.start(
+        lambda: TrackerTask(config, Detector(SMALL_DETECTOR), sequences, sequences),
+        make_strategy("one"),
+        tmp_path,
+        {},
+    )
+    figures = loop.run_training(run)
+    assert figures["epe_foreground"] < 0.05
+
+
+def test_scripts_train_and_their_weights_load(tiny_data, tmp_path, capsys):
+    """--smoke of both scripts with the paper's networks; the two belong together afterwards."""
+    common = [
+        "--data_root",
+        str(tiny_data),
+        "--seqs",
+        "0000",
+        "--val_seqs",
+        "0000",
+        "--smoke",
+        "--schedule.batch_size",
+        "1",
+    ]
+    weights = tmp_path / "weights"
+    weights.mkdir()
+    assert run_script(train_det.main, [*common, "--workdir", str(tmp_path / "det")]) == 0
+    (tmp_path / "det/checkpoints/best.npz").rename(weights / "detector.npz")
+    detector = ["--detector", str(weights / "detector.npz")]
+    work = ["--workdir", str(tmp_path / "track")]
+    assert run_script(train_track.main, [*common, *detector, *work]) == 0
+    (tmp_path / "track/checkpoints/best.npz").rename(weights / "tracker.npz")
+    load_networks(weights)
+    other = Detector(load_detector(weights / "detector.npz").config)
+    with pytest.raises(InputError, match="another detector"):
+        load_tracker(weights / "tracker.npz", other)
+    with pytest.raises(InputError, match="expected a detector checkpoint, found 'tracker'"):
+        load_detector(weights / "tracker.npz")
+    capsys.readouterr()
+    assert run_script(train_det.main, [*common, "--workdir", str(tmp_path / "det")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "--resume" in error.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--schedule.epochs", "two"], "invalid int value"),
+        (["--no_such_flag"], "unrecognized arguments"),
+        (["--strategy", "many"], "invalid choice"),
+    ],
+)
+def test_bad_flags_exit_with_2(flags, message, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        train_det.main(["--data_root", "x", "--workdir", "y", *flags])
+    assert exit_.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_bad_configuration_and_data_are_named(tmp_path, capsys):
+    base = ["--data_root", str(tmp_path / "none"), "--workdir", str(tmp_path / "work")]
+    assert run_script(train_det.main, base) == 2
+    assert "none" in capsys.readouterr().err
+    bad = ["--detector.point_features", "colour"]
+    assert run_script(train_det.main, [*base, *bad]) == 2
+    assert "point_features: expected one of" in capsys.readouterr().err
+    assert not (tmp_path / "work").exists()
+
+
+def test_multiworker_needs_tf_config(monkeypatch):
+    monkeypatch.delenv("TF_CONFIG", raising=False)
+    with pytest.raises(InputError, match="TF_CONFIG"):
+        make_strategy("multiworker")
+
+
+def test_defaults_are_the_papers():
+    schedule = DetectorTrainingConfig().schedule
+    assert (schedule.batch_size, TrackerTrainingConfig().schedule.batch_size) == (8, 6)
+    assert (schedule.learning_rate_min, schedule.learning_rate_max) == (1e-4, 1e-3)
+    assert (schedule.cycle_epochs, schedule.beta1, schedule.beta2) == (8, 0.9, 0.999)
+    assert schedule.epsilon == 1e-8
+    assert AugmentationConfig().displacement == 2.0
