@@ -1,0 +1,227 @@
+"""Table II: computation time over N and N', and the detector against a plain Keras version.
+
+    python -m experiments.table2 --out results/table2
+
+Everything is measured in one process, ours and the plain version in turn; medians of --repeats.
+Scans are simulated. Prints a table; writes table2.json and table2.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from common.files import write_json, write_text
+from common.flags import ArgumentParser, positive_int, run
+from common.progress import Progress
+from common.provenance import provenance
+
+PAPER = {  # seconds; Table II, GTX 1080 Ti
+    (15000, 5000): 0.099,
+    (15000, 1000): 0.086,
+    (15000, 500): 0.085,
+    (10000, 5000): 0.074,
+    (10000, 1000): 0.060,
+    (10000, 500): 0.059,
+    (5000, 5000): 0.048,
+    (5000, 1000): 0.037,
+    (5000, 500): 0.036,
+}
+
+
+def median_seconds(call: Callable[[], object], repeats: int) -> float:
+    """Median wall time of `call` after one call to warm up."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def simulated_scans(count: int) -> list[np.ndarray]:
+    """Consecutive scans (n, 3), level frame, camera crop, of the simulator's own traffic."""
+    from kitti.sequence import Sequence as KittiSequence
+    from simulator.__main__ import main as simulate
+
+    with tempfile.TemporaryDirectory() as folder:
+        simulate(
+            [
+                "--out",
+                folder,
+                "--split",
+                "val",
+                "--sequences",
+                "1",
+                "--frames",
+                str(count),
+                "--seed",
+                "0",
+            ]
+        )
+        (labels,) = (Path(folder) / "training" / "label_02").glob("*.txt")
+        sequence = KittiSequence(folder, int(labels.stem))
+        return [sequence.read_points_level(t)[:, :3] for t in range(count)]
+
+
+def matmul_rate(repeats: int) -> float:
+    """Floating-point operations a second of a large float32 matrix product."""
+    import tensorflow as tf
+
+    a = tf.random.normal([2048, 2048])
+    return 2 * 2048**3 / median_seconds(lambda: tf.matmul(a, a).numpy(), repeats)
+
+
+def multiplications(config) -> float:
+    """Floating-point operations of the plain detector's linear layers for one scan of N points."""
+    from models.box_coding import head_channels
+    from models.detector import POINT_FEATURES
+
+    total, channels = 0, POINT_FEATURES[config.point_features]
+    skips = [channels]
+
+    def chain(rows, channels, widths):
+        nonlocal total
+        for width in widths:
+            total += 2 * rows * channels * width
+            channels = width
+        return channels
+
+    for layer in config.set_abstraction:
+        rows = layer.num_points * layer.num_neighbors[0]
+        channels = chain(rows, channels + 3, layer.widths[0])
+        skips.append(channels)
+    for i, layer in enumerate(config.set_upconv):
+        rows = config.set_abstraction[-2 - i].num_points
+        channels = chain(rows * layer.num_neighbors, channels + 3, layer.widths[:-1])
+        channels = chain(rows, channels + skips[-2 - i], layer.widths[-1:])
+    channels = chain(config.num_points, channels + skips[0], config.propagation_widths)
+    chain(config.num_points, channels, (config.fc1_width, head_channels(config.box)))
+    return float(total)
+
+
+def detector_times(scans: list[np.ndarray], repeats: int) -> dict[str, float]:
+    """Seconds a frame, forward and forward with backward, ours and plain, batch of 8."""
+    import tensorflow as tf
+
+    from experiments.plain_detector import PlainDetector
+    from models.config import DetectorConfig
+    from models.detector import Detector, detector_inputs
+
+    config, batch = DetectorConfig(), 8
+    rng = np.random.default_rng(0)
+    xyz = np.stack([_sampled(scans[i % len(scans)], config.num_points, rng) for i in range(batch)])
+    make_inputs = tf.function(lambda x: detector_inputs(x, config), jit_compile=False)
+    inputs = make_inputs(xyz)
+    times = {"index pyramid": median_seconds(lambda: make_inputs(xyz), repeats) / batch}
+    detector, plain = Detector(config), PlainDetector(config)
+    heads = {
+        "ours": (detector, lambda x, training: detector(x, training=training).fc2),
+        "plain": (plain, lambda x, training: plain(x, training=training)),
+    }
+    for name, (model, head) in heads.items():
+        forward = tf.function(lambda x, head=head: head(x, False), jit_compile=False)
+
+        @tf.function(jit_compile=False)
+        def both(x, model=model, head=head):
+            with tf.GradientTape() as tape:
+                loss = tf.reduce_mean(tf.square(head(x, True)))
+            return tape.gradient(loss, model.trainable_variables)
+
+        forward(inputs)
+        times[f"{name} forward"] = median_seconds(lambda f=forward: f(inputs), repeats) / batch
+        times[f"{name} forward and backward"] = (
+            median_seconds(lambda f=both: f(inputs), repeats) / batch
+        )
+    rate = matmul_rate(repeats)
+    operations = multiplications(config)
+    times["matrix product rate (GFLOP/s)"] = rate / 1e9
+    times["plain detector's linear layers (GFLOP a frame)"] = operations / 1e9
+    times["share of the matrix product rate, ours forward"] = (
+        operations / times["ours forward"] / rate
+    )
+    return times
+
+
+def _sampled(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    rows = rng.permutation(len(points))[:count]
+    if len(rows) < count:
+        rows = np.concatenate([rows, rng.integers(0, len(points), count - len(rows))])
+    return points[rows].astype(np.float32)
+
+
+def stream_times(scans, repeats: int) -> dict[tuple[int, int], float]:
+    """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
+    from models.box_coding import head_channels
+    from models.config import DetectorConfig, TrackerConfig
+    from models.detector import Detector
+    from models.inference import StreamingNetwork
+    from models.tracker import Tracker, tracker_channels
+    from tracking import make_tracker
+
+    times = {}
+    with Progress(len(PAPER), "N, N'", "setting") as bar:
+        for n, kept in PAPER:
+            config = dataclasses.replace(DetectorConfig(), num_points=n)
+            track = dataclasses.replace(TrackerConfig(), num_kept_points=kept)
+            channels = tracker_channels(track, config, head_channels(config.box))
+            network = StreamingNetwork(Detector(config), Tracker(channels, track))
+            tracker, state = make_tracker("pointtracknet"), [network.detect(scans[0], 0)]
+
+            def step(network=network, tracker=tracker, state=state):
+                current = network.detect(scans[1], 1)
+                displacement = network.displacement(state[0], current)
+                tracker.predict()
+                tracker.update(
+                    current.detections.boxes,
+                    current.detections.scores,
+                    points=state[0].points,
+                    displacement=displacement,
+                )
+
+            times[n, kept] = median_seconds(step, repeats)
+            bar.update()
+    return times
+
+
+def table(detector: dict[str, float], stream: dict[tuple[int, int], float], command: str) -> str:
+    """Both tables as Markdown."""
+    lines = ["| measured | seconds a frame |", "|---|---|"]
+    lines += [f"| {name} | {value:.3f} |" for name, value in detector.items()]
+    lines += ["", "| N | N' | ours, CPU (s) | paper, GPU (s) |", "|---|---|---|---|"]
+    lines += [f"| {n} | {k} | {s:.3f} | {PAPER[n, k]:.3f} |" for (n, k), s in stream.items()]
+    return "\n".join([*lines, "", f"`{command}`", ""])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measures, prints, writes."""
+    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--repeats", type=positive_int, default=7, help="calls per median")
+    parser.add_argument("--out", type=Path, default=Path("results/table2"))
+    flags = parser.parse_args(argv)
+    scans = simulated_scans(2)
+    detector = detector_times(scans, flags.repeats)
+    stream = stream_times(scans, flags.repeats)
+    record = provenance(config={"repeats": flags.repeats})
+    text = table(detector, stream, record["command"])
+    print(text, end="")
+    write_text(flags.out / "table2.md", text)
+    write_json(
+        flags.out / "table2.json",
+        {
+            "run": record,
+            "detector": detector,
+            "stream": [{"N": n, "N'": k, "seconds": s} for (n, k), s in stream.items()],
+        },
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))
