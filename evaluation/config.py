@@ -67,6 +67,8 @@ class EvaluateConfig:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
         if not 0 <= self.displacement < math.inf:
             raise InputError(f"--displacement: expected metres >= 0, found {self.displacement}")
+        if not 0 <= self.seed < 2**63:
+            raise InputError(f"--seed: expected 0 <= seed < 2**63, found {self.seed}")
         if testing:
             self._check_testing()
         self._check_displacement()

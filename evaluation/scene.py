@@ -28,6 +28,10 @@ class Scene:
         self.sequence, self.model = sequence, model
         self.name, self.num_frames = sequence.name, sequence.num_frames
 
+    def check(self) -> None:
+        """Reads labels, calibration and poses, so that a bad file is found before any work."""
+        _ = self.objects, self.sequence.calib, self.ego_motions
+
     @cached_property
     def _offsets(self) -> np.ndarray:
         """(R, 2) metres along x and y of the level frame, one per label row."""

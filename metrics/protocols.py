@@ -116,11 +116,11 @@ def evaluate_protocol(
             the recall points; None keeps all.
     """
     if name == "clear3d":
-        return _figures(Clear3d(entries, classes, min_iou), entries, threshold)
+        return figures_of(Clear3d(entries, classes, min_iou), entries, threshold)
     if name == "kitti2d":
-        return _figures(Kitti2d(entries), entries, threshold)
+        return figures_of(Kitti2d(entries), entries, threshold)
     if name == "kitti3d":
-        return _figures(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
+        return figures_of(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
     if name == "hota":
         return _hota_figures(entries, threshold)
     raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
@@ -140,7 +140,11 @@ def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
     return comparison, ignored_truth(truth), ignorable
 
 
-def _figures(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
+def figures_of(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
+    """Figures of a CLEAR protocol over all and per sequence; see `evaluate_protocol`.
+
+    `over_recall` adds sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA to those over all.
+    """
     swept, earlier_passes = None, 0
     if over_recall or threshold == BEST:
         swept = sweep(protocol.outcomes)

@@ -1,0 +1,83 @@
+"""AB3DMOT on PointRCNN's cars, beside the figures its authors publish.
+
+    python -m experiments.ab3dmot --data_root KITTI --detections KITTI/detections/pointrcnn_Car \
+        --out results/ab3dmot
+
+KITTI's ignore rules as AB3DMOT's evaluator applies them, 3-D IoU 0.25, 0.5 and 0.7 and 2-D IoU
+0.5, each at the score threshold of its best MOTA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from common import flags
+from evaluation.config import EvaluateConfig
+from evaluation.run import check_writable, make_source
+from evaluation.scene import Scene
+from evaluation.table import markdown
+from evaluation.tracking_loop import track_scene
+from experiments.cli import make_parser, write
+from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
+from kitti.sequence import open_sequences
+from kitti.splits import parse_sequences, sequence_name
+from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, figures_of
+
+SPACES = {
+    "3-D IoU 0.25": ("3d", 0.25),
+    "3-D IoU 0.5": ("3d", 0.5),
+    "3-D IoU 0.7": ("3d", 0.7),
+    "2-D IoU 0.5": ("2d", 0.5),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Tracks the sequences once, evaluates them four times."""
+    seqs = ",".join(sequence_name(seq) for seq in AB3DMOT_SEQUENCES)
+    parser = make_parser(__doc__, seqs)
+    parser.add_argument("--detections", required=True, help="folder of PointRCNN detections")
+    args = parser.parse_args(argv)
+    check_writable(args.out)
+    entries, poses = _tracked(args)
+    figures: dict[str, Any] = {
+        name: figures_of(Kitti3d(entries, min_iou, space), entries, BEST, over_recall=True)[
+            "overall"
+        ]
+        for name, (space, min_iou) in SPACES.items()
+    }
+    figures["kitti2d (TrackEval)"] = evaluate_protocol("kitti2d", entries, threshold=BEST)[
+        "overall"
+    ]
+    text = f"Ego-motion compensation: {'from poses/' if poses else 'off (no poses/)'}.\n\n"
+    write(args.out, "ab3dmot", "AB3DMOT on PointRCNN detections", text + _table(figures), figures)
+
+
+def _tracked(args) -> tuple[list[Entry], bool]:
+    config = EvaluateConfig(
+        data_root=args.data_root,
+        seqs=tuple(parse_sequences(args.seqs)),
+        classes=("Car",),
+        detections=args.detections,
+        tracker="ab3dmot",
+    )
+    scenes = [Scene(sequence) for sequence in open_sequences(config.data_root, config.seqs)]
+    source = make_source(config, scenes)
+    entries = [
+        Entry(s.name, s.num_frames, s.objects, track_scene(s, source, "ab3dmot", config.classes))
+        for s in scenes
+    ]
+    return entries, all(scene.ego_motions is not None for scene in scenes)
+
+
+def _table(figures: dict[str, dict[str, Any]]) -> str:
+    lines = []
+    for name, values in figures.items():
+        lines.append([f"ours, {name}", *(values.get(key) for key in AB3DMOT_COLUMNS), values["GT"]])
+        if name in AB3DMOT:
+            lines.append([f"published, {name}", *AB3DMOT[name], None])
+    return markdown(["", *AB3DMOT_COLUMNS, "GT"], lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(flags.run(main))

@@ -1,0 +1,73 @@
+"""The displacement experiment as it can be read from the paper, each reading beside Table V.
+
+    python -m experiments.displacement_readings --data_root KITTI --out results/readings
+
+The default of `kitti.displacement` is the reading under which SORT's row with ground-truth boxes
+at 2.0 m comes nearest to the paper's, among those that disturb a tracker at all: a shift that an
+object keeps over all its frames moves its track as a whole, and every tracker stays as at 0 m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from common import flags
+from evaluation.table import markdown
+from experiments.cli import add_displacement_flags, common_fields, make_parser, write
+from experiments.paper import TABLE5, TABLE5_COLUMNS
+from experiments.runs import TRACKER_NAMES, Run, mean_and_spread, measure_all, over_seeds
+from experiments.table5 import PAPER_NAMES, our_cells, paper_cells
+from kitti.displacement import DEFAULT_READING, LENGTHS
+
+DISTANCE = 2.0
+TRACKERS = ("sort", "deep_sort")
+TITLES = {"uniform": "length uniform in [0, D]", "per_axis": "x and y each uniform in [-D, D]"}
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs the trackers under every reading, writes displacement_readings.md and .json."""
+    parser = make_parser(__doc__)
+    add_displacement_flags(parser)
+    args = parser.parse_args(argv)
+    fields = common_fields(args)
+    rows = {
+        (length, hold, tracker): over_seeds(
+            Run(tracker=tracker, displacement=DISTANCE, length=length, hold=hold, **fields),
+            args.seeds,
+        )
+        for length in LENGTHS
+        for hold in (False, True)
+        for tracker in TRACKERS
+    }
+    found = measure_all((run for runs in rows.values() for run in runs), "readings")
+    values = {key: [found[run] for run in runs] for key, runs in rows.items()}
+    figures = [
+        {"length": length, "hold": hold, "tracker": tracker, "per_seed": per_seed}
+        for (length, hold, tracker), per_seed in values.items()
+    ]
+    text = f"D = {DISTANCE:g} m, ground-truth boxes, {args.seeds} seeds; * marks the default.\n\n"
+    write(
+        args.out,
+        "displacement_readings",
+        "Readings of the displacement",
+        text + _table(values),
+        figures,
+    )
+
+
+def _table(values: dict[tuple, list[dict]]) -> str:
+    lines = []
+    for (length, hold, tracker), figures in values.items():
+        star = " *" if (length, hold) == DEFAULT_READING else ""
+        name = f"{TITLES[length]}, {'held' if hold else 'fresh'}{star}: {TRACKER_NAMES[tracker]}"
+        gap, _ = mean_and_spread([figure["MOTA"] for figure in figures])
+        paper = TABLE5["gt"][PAPER_NAMES[tracker]][DISTANCE]
+        lines.append([name, *our_cells(figures), f"{gap - paper[0]:+.3f}"])
+    for tracker in TRACKERS:
+        paper = TABLE5["gt"][PAPER_NAMES[tracker]][DISTANCE]
+        lines.append([f"paper: {PAPER_NAMES[tracker]}", *paper_cells(paper), "+0.000"])
+    return markdown(["reading and tracker", *TABLE5_COLUMNS, "MOTA - paper"], lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(flags.run(main))

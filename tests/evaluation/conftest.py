@@ -1,0 +1,35 @@
+"""The made-up KITTI folder, and evaluate.py called as from the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import tiny_kitti
+
+import evaluate
+from common import flags
+
+
+@pytest.fixture(scope="session")
+def tiny_root(tmp_path_factory) -> Path:
+    """A KITTI folder for reading only."""
+    return tiny_kitti.make(tmp_path_factory.mktemp("kitti"))
+
+
+@pytest.fixture
+def fails(capsys):
+    """Returns call(*argv): asserts exit code 2 and one line on stderr, gives that line."""
+
+    def call(*argv) -> str:
+        capsys.readouterr()
+        try:
+            code = flags.run(evaluate.main, [str(value) for value in argv])
+        except SystemExit as end:  # argparse
+            code = end.code
+        error = capsys.readouterr().err
+        assert code == 2, error
+        assert error.count("\n") == 1 and "Traceback" not in error, error
+        return error
+
+    return call

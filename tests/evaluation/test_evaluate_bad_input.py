@@ -1,0 +1,167 @@
+"""Bad input to evaluate.py: one line, exit code 2, nothing half-written."""
+
+import os
+from pathlib import Path
+
+import pytest
+import tiny_kitti
+
+ROW = "0 1 Car 0 0 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 0.9"
+
+
+@pytest.fixture
+def theirs(tmp_path) -> Path:
+    """Somebody's result files, both sequences, one row."""
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "0000.txt").write_text(ROW + "\n")
+    (folder / "0001.txt").write_text("")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line"),
+    [
+        ("wrong columns", ROW + "\n1 1 Car 0 0\n", 2),
+        (
+            "no score in one row",
+            ROW + "\n" + ROW.replace("0 1", "1 1", 1).rsplit(" ", 1)[0] + "\n",
+            2,
+        ),
+        ("duplicate id", ROW + "\n" + ROW + "\n", 2),
+        ("beyond the sequence", ROW.replace("0 1", "12 1", 1) + "\n", 1),
+        ("NaN", ROW.replace("20.0", "nan") + "\n", 1),
+        ("infinite", ROW.replace("20.0", "inf") + "\n", 1),
+        ("negative size", ROW.replace("1.6", "-1.6") + "\n", 1),
+        ("unknown class", ROW.replace("Car", "Boat") + "\n", 1),
+        ("not a number", ROW.replace("20.0", "far") + "\n", 1),
+        ("cut off", ROW + "\n" + ROW.replace("0 1", "1 1", 1)[:30], 2),
+    ],
+)
+def test_result_files(tiny_root, tmp_path, theirs, fails, name, text, line):
+    path = theirs / "0000.txt"
+    path.write_text(text)
+    out = tmp_path / "out"
+    arguments = ("--data_root", tiny_root, "--seqs", "0000-0001", "--out", out)
+    assert f"{path}:{line}:" in fails(*arguments, "--results", theirs)
+    assert list(out.iterdir()) == []
+
+
+def test_result_file_that_is_not_text(tiny_root, tmp_path, theirs, fails):
+    (theirs / "0000.txt").write_bytes(b"\xff\xfe" + ROW.encode())
+    arguments = ("--data_root", tiny_root, "--seqs", "0000", "--out", tmp_path / "out")
+    assert "0000.txt:1:" in fails(*arguments, "--results", theirs)
+
+
+def test_directory_where_a_file_is_due(tiny_root, tmp_path, theirs, fails):
+    (theirs / "0000.txt").unlink()
+    (theirs / "0000.txt").mkdir()
+    arguments = ("--data_root", tiny_root, "--seqs", "0000", "--out", tmp_path / "out")
+    assert "directory" in fails(*arguments, "--results", theirs)
+
+
+def test_missing_result_file_and_folder(tiny_root, tmp_path, theirs, fails):
+    (theirs / "0001.txt").unlink()
+    arguments = ("--data_root", tiny_root, "--seqs", "0000-0001", "--out", tmp_path / "out")
+    assert "0001.txt" in fails(*arguments, "--results", theirs)
+    assert "expected a directory" in fails(*arguments, "--results", theirs / "0000.txt")
+    assert "expected a directory" in fails(*arguments, "--detections", tmp_path / "nowhere")
+
+
+def test_bad_detections_are_found_before_any_work(tiny_root, tmp_path, fails):
+    folder = tmp_path / "detections"
+    folder.mkdir()
+    good = (tiny_root / "detections" / "0000.txt").read_text()
+    (folder / "0000.txt").write_text(good)
+    (folder / "0001.txt").write_text(good.splitlines()[0] + ",7\n")
+    out = tmp_path / "out"
+    arguments = ("--data_root", tiny_root, "--seqs", "0000-0001", "--out", out, "--tracker", "sort")
+    assert "0001.txt:1:" in fails(*arguments, "--detections", folder)
+    assert list(out.iterdir()) == []
+
+
+def test_bad_labels(tmp_path, fails):
+    root = tiny_kitti.make(tmp_path / "kitti")
+    path = root / "training" / "label_02" / "0000.txt"
+    path.write_text(path.read_text().replace("Van", "Boat"))
+    out = tmp_path / "out"
+    message = fails("--data_root", root, "--seqs", "0000", "--out", out)
+    assert "0000.txt:" in message and "Boat" in message
+    assert list(out.iterdir()) == []
+
+
+def test_missing_calibration_key(tmp_path, fails):
+    root = tiny_kitti.make(tmp_path / "kitti")
+    path = root / "training" / "calib" / "0000.txt"
+    path.write_text("".join(line for line in path.open() if not line.startswith("P2")))
+    assert "P2" in fails("--data_root", root, "--seqs", "0000", "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--trackers", "sort"], "unrecognized"),
+        (["--track", "sort"], "unrecognized"),  # no abbreviations
+        (["--tracker", "kalman"], "--tracker"),
+        (["--protocol", "clear2d"], "--protocol"),
+        (["--protocol", "clear3d,clear3d"], "--protocol"),
+        (["--classes", "Car,Boat"], "--classes"),
+        (["--classes", ""], "--classes"),
+        (["--seqs", "16-"], "sequences"),
+        (["--seqs", "0003"], "0003"),
+        (["--iou", "0"], "--iou"),
+        (["--iou", "nan"], "--iou"),
+        (["--displacement", "-1"], "--displacement"),
+        (["--displacement", "inf"], "--displacement"),
+        (["--displacement", "1", "--protocol", "kitti2d"], "--displacement"),
+        (["--seed", "-1"], "--seed"),
+        (["--seed", str(2**63)], "--seed"),
+        (["--score_threshold", "good"], "--score_threshold"),
+        (["--score_threshold", "nan"], "--score_threshold"),
+        (["--subset", "validation"], "--subset"),
+        (["--results", "x", "--tracker", "sort"], "--results"),
+        (["--data_root", "/nowhere"], "nowhere"),
+    ],
+)
+def test_flags(tiny_root, tmp_path, fails, flags, message):
+    out = tmp_path / "out"
+    given = ["--data_root", tiny_root, "--seqs", "0000", "--out", out]
+    assert message in fails(*given, *flags)
+    assert not out.exists() or list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ["--detections", "gt"],
+        ["--detections", "x", "--tracker", "gt_displacement"],
+        ["--detections", "x", "--tracker", "sort", "--protocol", "clear3d"],
+        ["--results", "x"],
+        ["--detections", "x", "--tracker", "sort", "--displacement", "1"],
+    ],
+)
+def test_testing_subset_has_no_labels(tiny_root, tmp_path, fails, flags):
+    given = ["--data_root", tiny_root, "--subset", "testing", "--out", tmp_path / "out"]
+    assert "testing" in fails(*given, *flags)
+
+
+def test_out_that_is_a_file(tiny_root, tmp_path, fails):
+    out = tmp_path / "out"
+    out.write_text("mine")
+    assert "--out" in fails("--data_root", tiny_root, "--seqs", "0000", "--out", out)
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_out_without_permission(tiny_root, tmp_path, fails):
+    tmp_path.chmod(0o555)
+    try:
+        assert "--out" in fails(
+            "--data_root", tiny_root, "--seqs", "0000", "--out", tmp_path / "out"
+        )
+    finally:
+        tmp_path.chmod(0o755)
+
+
+def test_out_in_a_folder_that_takes_no_files(tiny_root, fails):
+    assert "--out" in fails("--data_root", tiny_root, "--seqs", "0000", "--out", "/proc/out")
