@@ -48,18 +48,19 @@ def intersect(planes, origin, direction):
     """
     parts, count = planes.shape[:2]
     normals = planes[..., :3].reshape(-1, 3)
-    speed = direction @ normals.T
-    gap = planes[..., 3].reshape(-1) - origin @ normals.T
-    tiny = np.abs(speed) < 1e-7
-    step = gap / np.where(tiny, np.float32(1e-7), speed)
-    enter = np.where(speed < 0, step, -FAR)
-    leave = np.where(speed > 0, step, FAR)
-    enter = np.where(tiny, np.where(gap < 0, FAR, -FAR), enter).reshape(-1, parts, count)
-    leave = np.where(tiny, FAR, leave).reshape(-1, parts, count)
-    face = enter.argmax(axis=-1)
-    near = np.take_along_axis(enter, face[..., None], axis=-1)[..., 0]
-    hit = (near > 0) & (near < leave.min(axis=-1))
-    return np.where(hit, near, FAR).astype(np.float32), face
+    speed = normals @ direction.T  # (P K, R): sums over planes run along contiguous rays
+    # A ray along a plane counts as leaving it slowly: far ahead if inside, far behind if not.
+    speed[np.abs(speed) < 1e-7] = 1e-7
+    step = (planes[..., 3].reshape(-1, 1) - normals @ origin.T) / speed
+    inwards = speed < 0
+    enter = np.where(inwards, step, -FAR).reshape(parts, count, -1)
+    leave = np.where(inwards, FAR, step).reshape(parts, count, -1)
+    near = enter.max(axis=1)
+    hit = (near > 0) & (near < leave.min(axis=1))
+    face = np.zeros(near.shape, np.int64)
+    part, ray = np.nonzero(hit)
+    face[part, ray] = enter[part, :, ray].argmax(axis=1)
+    return np.where(hit, near, FAR).astype(np.float32).T, face.T
 
 
 def intersect_body(body: Body, origin, direction):
@@ -69,10 +70,13 @@ def intersect_body(body: Body, origin, direction):
         return intersect(body.planes, origin, direction)
     distance = np.full((rays, parts), FAR, np.float32)
     face = np.zeros((rays, parts), np.int64)
-    for index, (*center, radius) in enumerate(body.spheres):
-        away = origin - np.array(center, np.float32)
-        along = (away * direction).sum(axis=1)
-        near = np.flatnonzero((away * away).sum(axis=1) - along * along < radius * radius)
+    centers, radii = body.spheres[:, :3], body.spheres[:, 3]
+    start = (origin * origin).sum(axis=1) - 2 * centers @ origin.T
+    along = centers @ direction.T - (origin * direction).sum(axis=1)
+    reach = (radii**2 - (centers * centers).sum(axis=1))[:, None]
+    close = start - along * along < reach + np.float32(0.01)  # (P, R); float32 cancels
+    for index in range(parts):
+        near = np.flatnonzero(close[index])
         if len(near):
             found = intersect(body.planes[index : index + 1], origin[near], direction[near])
             distance[near, index], face[near, index] = found[0][:, 0], found[1][:, 0]
