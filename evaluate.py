@@ -3,7 +3,8 @@
     python evaluate.py --data_root KITTI --seqs 0016-0020 --tracker sort --out results/sort
 
 Runs a tracker on labelled or detected boxes (or takes somebody's result files, --results) and
-evaluates it. `--out` gets tracks/00XX.txt, table.md and metrics.json.
+evaluates it. `--out` gets tracks/00XX.txt, table.md and metrics.json; with `--subset testing` also
+submission.zip for the KITTI server.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from evaluation.config import (
     parse_threshold,
 )
 from evaluation.run import evaluate
+from evaluation.submission import SUBMISSION
 from evaluation.table import overall_table
 from kitti.labels import VEHICLES
-from kitti.splits import parse_sequences
+from kitti.splits import TEST, parse_sequences
 from metrics.protocols import PROTOCOLS
 
 __all__ = ["EvaluateConfig", "evaluate", "main"]
@@ -85,6 +87,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     if figures:
         print(overall_table(figures), end="")
     print(f"written to {config.out}")
+    if config.subset == "testing":
+        missing = len(TEST) - len(config.seqs)
+        what = f"lacks {missing} of the server's sequences" if missing else "complete"
+        print(f"for the KITTI server: {config.out / SUBMISSION} ({what})")
 
 
 if __name__ == "__main__":

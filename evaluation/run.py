@@ -16,6 +16,7 @@ from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.scene import Scene
 from evaluation.sources import BoxSource, DetectionFiles, GroundTruthBoxes, check_folder
+from evaluation.submission import SUBMISSION, write_submission
 from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
 from kitti.displacement import DisplacementModel
@@ -28,12 +29,17 @@ TRACKS = "tracks"
 _RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
 
 
-def evaluate(config: EvaluateConfig, model: DisplacementModel | None = None) -> dict[str, Any]:
+def evaluate(
+    config: EvaluateConfig,
+    model: DisplacementModel | None = None,
+    source: BoxSource | None = None,
+) -> dict[str, Any]:
     """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
 
     Args:
         config: what to do.
         model: the displacement, where it is not the default reading of the paper.
+        source: the boxes that `config` describes, where they are at hand already (recorded).
 
     Raises:
         InputError: bad input; nothing is under a final name in `out` then.
@@ -44,12 +50,15 @@ def evaluate(config: EvaluateConfig, model: DisplacementModel | None = None) -> 
         model = DisplacementModel(distance=config.displacement, seed=config.seed)
     sequences = open_sequences(config.data_root, config.seqs, config.subset)
     scenes = [Scene(sequence, model) for sequence in sequences]
-    results = _results(config, scenes)
+    results = _results(config, scenes, source)
     figures = score(config, scenes, results)
     record = {"run": provenance(config=config.record(), data=_data(config, scenes)), **figures}
     if config.out is not None:
         write_text(config.out / "table.md", full_table(figures, record["run"]["command"]))
         write_json(config.out / "metrics.json", record)
+        if config.subset == "testing":
+            files = [config.out / TRACKS / f"{scene.name}.txt" for scene in scenes]
+            write_submission(config.out / SUBMISSION, files)
     return record
 
 
@@ -84,9 +93,14 @@ def make_source(config: EvaluateConfig, scenes: list[Scene]) -> BoxSource:
     return NetworkBoxes.load(config.weights, source)
 
 
-def run_tracker(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Objects]:
+def run_tracker(
+    config: EvaluateConfig, scenes: list[Scene], source: BoxSource | None = None
+) -> dict[str, Objects]:
     """Result rows of every scene, by name."""
-    source = make_source(config, scenes)
+    for scene in scenes:
+        scene.check()
+    if source is None:
+        source = make_source(config, scenes)
     with Progress(sum(scene.num_frames for scene in scenes), config.tracker, "frames") as bar:
         return {
             scene.name: track_scene(scene, source, config.tracker, config.classes, bar.update)
@@ -94,12 +108,14 @@ def run_tracker(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Object
         }
 
 
-def _results(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Objects]:
+def _results(
+    config: EvaluateConfig, scenes: list[Scene], source: BoxSource | None
+) -> dict[str, Objects]:
     """What is evaluated: always the rows as a result file has them, rounding included."""
     if config.results is not None:
         check_folder(config.results)
         return _read(config.results, scenes)
-    tracked = run_tracker(config, scenes)
+    tracked = run_tracker(config, scenes, source)
     if isinstance(config.score_threshold, float):
         tracked = {
             name: rows[track_scores(rows) >= config.score_threshold]

@@ -1,0 +1,84 @@
+"""A sequence from above with ids, as a GIF (Pillow, so no system package is needed)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from common.files import atomic_path
+from visualization.clip import Clip
+from visualization.drawing import TRUTH, birds_eye_axes, draw_boxes, draw_trails, id_color
+
+TRAIL = 20  # frames
+COLORS = 48  # of the GIF's palette
+FRAME_MS = 100  # the scanner's own pace
+
+
+class Stage:
+    """One figure whose contents change from frame to frame."""
+
+    def __init__(self, clip: Clip, title: str):
+        self.clip, self.title = clip, title
+        self.figure = Figure(figsize=(7.6, 6.0), dpi=90, layout="constrained")
+        self.canvas = FigureCanvasAgg(self.figure)
+        self.panel = self.figure.subplots()
+        birds_eye_axes(self.panel)
+        (self.points,) = self.panel.plot([], [], ".", color="0.65", markersize=0.5, zorder=1)
+        self.passing = []
+
+    def draw(self, t: int) -> None:
+        """Shows frame t."""
+        for artist in self.passing:
+            artist.remove()
+        clip, panel = self.clip, self.panel
+        scan, found = clip.scan(t), clip.results.at(t)
+        self.points.set_data(scan[:, 0], scan[:, 1])
+        colors = [id_color(i) for i in found.track_id.tolist()]
+        trails = clip.trails(clip.results, t, TRAIL)
+        self.passing = [
+            draw_boxes(panel, clip.truth.at(t).boxes, TRUTH, linewidth=0.8, linestyle=":"),
+            draw_boxes(panel, found.boxes, colors, linewidth=1.5, zorder=3),
+            draw_trails(panel, trails, id_color, linewidth=1.0, zorder=3),
+            *(
+                panel.text(
+                    box[0], box[1] + 1.6, str(i), color=color, fontsize=9, clip_on=True, zorder=4
+                )
+                for i, box, color in zip(
+                    found.track_id.tolist(), found.boxes, colors, strict=True
+                )
+            ),
+        ]
+        panel.set_title(f"{self.title}, frame {t}")
+
+    def image(self) -> Image.Image:
+        """What is shown, with few colours."""
+        self.canvas.draw()
+        self.figure.set_layout_engine("none")  # laid out once; doing it again takes most time
+        pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
+        return Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLORS)
+
+
+def animate(
+    clip: Clip,
+    path: str | Path,
+    title: str = "",
+    max_frames: int = 100,
+    each_frame: Callable[[], None] = lambda: None,
+) -> Path:
+    """Writes the first `max_frames` frames as an endless GIF."""
+    stage = Stage(clip, title or f"sequence {clip.name}")
+    images = []
+    for t in range(min(clip.num_frames, max_frames)):
+        stage.draw(t)
+        images.append(stage.image())
+        each_frame()
+    with atomic_path(path) as temporary:
+        images[0].save(
+            temporary, save_all=True, append_images=images[1:], duration=FRAME_MS, loop=0
+        )
+    return Path(path)

@@ -1,0 +1,64 @@
+"""The paper's Fig. 4: the association head's neighbourhood of one point in the next frame."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, ConnectionPatch
+
+from visualization.drawing import birds_eye_axes, draw_boxes
+
+PREVIOUS_COLOR, CURRENT_COLOR = "tab:red", "tab:blue"
+
+
+class Neighborhood(NamedTuple):
+    """Points that enter the association head, and the group of one of them."""
+
+    previous: np.ndarray  # (512, 3) level frame, frame t-1
+    current: np.ndarray  # (512, 3) level frame, frame t
+    chosen: int  # row of `previous`
+    group: np.ndarray  # (K,) rows of `current`
+    radius: float  # metres, of the association
+
+
+def association(view: Neighborhood, previous_boxes, current_boxes, title: str = "") -> Figure:
+    """Frame A (t-1, red) and frame B (t, blue) from above; the chosen point and its group solid.
+
+    previous_boxes, current_boxes: (M, 7) true boxes of the two frames, level frame, for context.
+    """
+    figure = Figure(figsize=(11, 6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    point, group = view.previous[view.chosen], view.current[np.unique(view.group)]
+    reach = view.radius * 1.6
+    for panel, points, boxes, color, name in (
+        (left, view.previous, previous_boxes, PREVIOUS_COLOR, "frame A, t-1"),
+        (right, view.current, current_boxes, CURRENT_COLOR, "frame B, t"),
+    ):
+        panel.scatter(
+            points[:, 0], points[:, 1], s=26, facecolors="none", edgecolors=color, linewidths=0.9
+        )
+        draw_boxes(panel, boxes, "0.6", linewidth=1.0, zorder=0)
+        birds_eye_axes(
+            panel, (point[0] - reach, point[0] + reach), (point[1] - reach, point[1] + reach)
+        )
+        panel.set_title(name)
+    left.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, label="$p_i^{t-1}$")
+    right.scatter(
+        group[:, 0], group[:, 1], s=30, color=CURRENT_COLOR,
+        label=f"its {len(view.group)} nearest points within {view.radius:g} m",
+    )  # fmt: skip
+    right.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, marker="x", label="where it was")
+    right.add_patch(Circle(point[:2], view.radius, fill=False, linestyle="--", color="0.5"))
+    for neighbor in group:
+        figure.add_artist(
+            ConnectionPatch(
+                point[:2], neighbor[:2], "data", "data", axesA=left, axesB=right,
+                color="0.4", linewidth=0.4, alpha=0.5,
+            )  # fmt: skip
+        )
+    for panel in (left, right):
+        panel.legend(loc="upper left", fontsize=8)
+    figure.suptitle(title)
+    return figure

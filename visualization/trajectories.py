@@ -1,0 +1,62 @@
+"""The paper's Fig. 6: trajectories in 3-D with boxes, one colour per id."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from kitti.boxes import box_corners
+from kitti.labels import Objects
+from visualization.clip import Clip
+from visualization.drawing import EDGES, id_color
+
+BOX_EVERY = 10  # frames between two drawn boxes of a track
+MAX_POINTS = 6000  # of the scan behind the tracks
+
+
+def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -> Figure:
+    """A row per clip (such as displacement 0 and 2 m): its tracks over `span` frames up to the last.
+
+    Everything is drawn in the sensor's frame at each moment, as the paper does.
+    """
+    figure = Figure(figsize=(11, 6.2 * len(clips)), layout="constrained")
+    for row, (clip, title) in enumerate(zip(clips, titles, strict=True)):
+        panel = figure.add_subplot(len(clips), 1, row + 1, projection="3d")
+        last = clip.num_frames - 1
+        tracks = clip.results[(clip.results.frame > last - span) & (clip.results.frame <= last)]
+        _draw_scan(panel, clip.scan(last))
+        for track_id in np.unique(tracks.track_id):
+            _draw_track(panel, tracks[tracks.track_id == track_id], id_color(int(track_id)))
+        _axes(panel)
+        panel.set_title(f"{title} ({len(np.unique(tracks.track_id))} ids)")
+    return figure
+
+
+def _draw_scan(panel, points: np.ndarray) -> None:
+    step = max(1, len(points) // MAX_POINTS)
+    x, y, z = points[::step, :3].T
+    panel.plot(x, y, z, ".", color="0.75", markersize=0.4)
+
+
+def _draw_track(panel, track: Objects, color: str) -> None:
+    panel.plot(*track.boxes[:, :3].T, color=color, linewidth=1.3)
+    shown = track[(track.frame - track.frame[-1]) % BOX_EVERY == 0]
+    strokes = [corners[list(edge)] for corners in box_corners(shown.boxes) for edge in EDGES]
+    panel.add_collection3d(Line3DCollection(strokes, colors=color, linewidths=0.8))
+    x, y, z = track.boxes[-1, :3]
+    if 0 <= x <= 70 and abs(y) <= 30:
+        panel.text(x, y, z + 2, str(track.track_id[0]), color=color, fontsize=8)
+
+
+def _axes(panel) -> None:
+    panel.set_xlim(0, 70)
+    panel.set_ylim(-25, 25)
+    panel.set_zlim(-3, 6)
+    panel.set_box_aspect((70, 50, 9), zoom=1.3)
+    panel.view_init(elev=38, azim=-150)
+    panel.set_xlabel("x forward (m)")
+    panel.set_ylabel("y left (m)")
+    panel.set_zticks([])
