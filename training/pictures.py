@@ -52,7 +52,7 @@ def _detector_panel(panel, task, batch) -> None:
 def _tracker_panel(panel, task, batch) -> None:
     from models.tracker import kept_rows
 
-    predicted, target, foreground = (x.numpy()[0] for x in task._predict(batch, training=False))
+    predicted, target, foreground = (x.numpy()[0] for x in task.predict(batch, training=False))
     outputs = task.detector(batch.previous, training=False)
     rows = kept_rows(batch.previous, outputs, task.config.tracker)
     xyz = tf.gather(batch.previous.query_xyz, rows, batch_dims=1).numpy()[0]

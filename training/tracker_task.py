@@ -82,7 +82,7 @@ class TrackerTask:
             sample.foreground,
         )
 
-    def _predict(self, batch: PairBatch, training: bool):
+    def predict(self, batch: PairBatch, training: bool):
         """Predicted and true displacement, and foreground, of the kept points of frame t-1."""
         outputs = [self.detector(x, training=False) for x in (batch.previous, batch.current)]
         config = self.config.tracker
@@ -97,7 +97,7 @@ class TrackerTask:
 
     def losses(self, batch: PairBatch, training: bool) -> dict[str, tf.Tensor]:
         """The terms of equation (5) and their weighted sum as "loss"; shares of the joint batch."""
-        predicted, target, foreground = self._predict(batch, training)
+        predicted, target, foreground = self.predict(batch, training)
         positive = tf.cast(foreground == 1, tf.float32)
         negative = tf.cast(foreground == 0, tf.float32)
         counts = joint(tf.reduce_sum(positive), tf.reduce_sum(negative))
@@ -106,7 +106,7 @@ class TrackerTask:
 
     def validation_step(self, batch: PairBatch) -> list[tf.Tensor]:
         """End-point errors (B, N') metres and foreground of the kept points."""
-        predicted, target, foreground = self._predict(batch, training=False)
+        predicted, target, foreground = self.predict(batch, training=False)
         return [tf.norm(predicted - target, axis=-1), foreground]
 
     def validate(self, batches) -> dict[str, float]:

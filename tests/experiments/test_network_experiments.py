@@ -1,0 +1,95 @@
+"""The plain detector is the same network; Table II's arithmetic; the networks' exam."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
+
+from network_cases import SMALL_DETECTOR, cloud
+
+from experiments.network_exam import box_counts, end_point_errors
+from experiments.plain_detector import PlainDetector
+from experiments.table2 import PAPER, multiplications, table
+from kitti.labels import Objects
+from models.box_coding import head_channels
+from models.detector import Detector, detector_inputs
+
+
+def parameters(model) -> int:
+    return sum(int(np.prod(v.shape)) for v in model.trainable_variables)
+
+
+def test_the_plain_detector_is_the_same_network():
+    inputs = detector_inputs(cloud(2, 128), SMALL_DETECTOR)
+    plain = PlainDetector(SMALL_DETECTOR)
+    head = plain(inputs, training=True)
+    assert head.shape == (2, 128, head_channels(SMALL_DETECTOR.box))
+    assert parameters(plain) == parameters(Detector(SMALL_DETECTOR))
+
+
+def test_multiplications_by_hand():
+    head = head_channels(SMALL_DETECTOR.box)
+    abstraction = (
+        64 * 8 * (5 * 8 + 8 * 16)
+        + 32 * 8 * (19 * 16 + 16 * 16)
+        + 16 * 8 * (19 * 16 + 16 * 32)
+        + 8 * 8 * (35 * 32 + 32 * 32)
+    )
+    upconv = (
+        16 * 4 * 35 * 32
+        + 16 * (32 + 32) * 32
+        + 32 * 4 * 35 * 16
+        + 32 * (16 + 16) * 32
+        + 64 * 4 * 35 * 16
+        + 64 * (16 + 16) * 32
+    )
+    points = 128 * (34 * 32 + 32 * 32 + 32 * 16 + 16 * head)
+    assert multiplications(SMALL_DETECTOR) == 2.0 * (abstraction + upconv + points)
+
+
+def test_table_2_shows_the_papers_figures():
+    text = table({"ours forward": 0.1}, dict.fromkeys(PAPER, 0.2), "command")
+    assert "| 15000 | 5000 | 0.200 | 0.099 |" in text
+    assert "| ours forward | 0.100 |" in text
+
+
+class Scene:
+    """One object over two frames, 60 points in it."""
+
+    name, num_frames = "0000", 2
+    boxes = np.array([[10.0, 0, 0, 4, 2, 1.5, 0], [11.0, 0, 0, 4, 2, 1.5, 0]])
+    objects = Objects.from_boxes(np.arange(2), np.zeros(2, int), boxes)
+
+    def points(self, t):
+        rng = np.random.default_rng(t)
+        return self.boxes[t, :3] + rng.uniform(-0.5, 0.5, (60, 3))
+
+
+class Recorded:
+    """Finds the object in frame 1 alone, with a false box, and moves its points by 0.9 m."""
+
+    def frames(self, scene):
+        none = np.zeros((0, 7))
+        yield 0, none, np.zeros(0), {}
+        boxes = np.concatenate([scene.boxes[1:] + 0.1, scene.boxes[1:] + 20])
+        points = scene.points(0)
+        moved = np.tile([0.9, 0, 0], (len(points), 1))
+        yield 1, boxes, np.array([0.9, 0.2]), {"points": points, "displacement": moved}
+
+
+def test_boxes_are_counted_one_to_one():
+    counts = box_counts(Scene(), Recorded(), min_score=0.0)
+    assert (counts["boxes"], counts["boxes_50"], counts["found"]) == (2, 2, 2)
+    assert counts["hits@0.5"] == counts["hits_50@0.25"] == 1
+    assert box_counts(Scene(), Recorded(), min_score=0.5)["found"] == 1
+
+
+def test_end_point_error_of_the_points_in_boxes():
+    errors = end_point_errors(Scene(), Recorded())
+    assert len(errors) == 60
+    assert errors == pytest.approx(np.full(60, 0.1))
