@@ -15,7 +15,7 @@ from visualization.clip import Clip
 from visualization.drawing import TRUTH, birds_eye_axes, draw_boxes, draw_trails, id_color
 
 TRAIL = 20  # frames
-COLORS = 48  # of the GIF's palette
+COLORS = 96  # of the GIF's palette
 FRAME_MS = 100  # the scanner's own pace
 
 
@@ -48,9 +48,7 @@ class Stage:
                 panel.text(
                     box[0], box[1] + 1.6, str(i), color=color, fontsize=9, clip_on=True, zorder=4
                 )
-                for i, box, color in zip(
-                    found.track_id.tolist(), found.boxes, colors, strict=True
-                )
+                for i, box, color in zip(found.track_id.tolist(), found.boxes, colors, strict=True)
             ),
         ]
         panel.set_title(f"{self.title}, frame {t}")
@@ -60,7 +58,9 @@ class Stage:
         self.canvas.draw()
         self.figure.set_layout_engine("none")  # laid out once; doing it again takes most time
         pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
-        return Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLORS)
+        return Image.fromarray(np.ascontiguousarray(pixels)).quantize(
+            COLORS, method=Image.Quantize.MAXCOVERAGE
+        )
 
 
 def animate(

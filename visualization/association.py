@@ -52,12 +52,9 @@ def association(view: Neighborhood, previous_boxes, current_boxes, title: str = 
     right.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, marker="x", label="where it was")
     right.add_patch(Circle(point[:2], view.radius, fill=False, linestyle="--", color="0.5"))
     for neighbor in group:
-        figure.add_artist(
-            ConnectionPatch(
-                point[:2], neighbor[:2], "data", "data", axesA=left, axesB=right,
-                color="0.4", linewidth=0.4, alpha=0.5,
-            )  # fmt: skip
-        )
+        ends = {"xyA": point[:2], "xyB": neighbor[:2], "axesA": left, "axesB": right}
+        line = ConnectionPatch(coordsA="data", coordsB="data", **ends, linewidth=0.4, alpha=0.3)
+        figure.add_artist(line)
     for panel in (left, right):
         panel.legend(loc="upper left", fontsize=8)
     figure.suptitle(title)

@@ -35,7 +35,7 @@ def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
     draw_trails(panel, clip.trails(clip.results, t, TRAIL), FOUND, linewidth=1.0, zorder=3)
     for track_id, box in zip(found.track_id.tolist(), found.boxes, strict=True):
         panel.annotate(
-            str(track_id), box[:2] + (0, 1.6), color=FOUND, fontsize=8, clip_on=True, zorder=4
+            str(track_id), (box[0], box[1] + 1.6), color=FOUND, fontsize=8, clip_on=True, zorder=4
         )
     birds_eye_axes(panel)
     handles = [Line2D([], [], color=FOUND, linewidth=1.2, label="PointTrackNet, with ids")]

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from kitti.boxes import points_in_boxes
 from visualization.drawing import FOUND, birds_eye_axes, draw_boxes, draw_points
 
 FILTERED_COLOR, PLAIN_COLOR = "tab:green", "tab:red"
@@ -43,6 +44,4 @@ def sampling(samplings: Samplings, points: np.ndarray, boxes: np.ndarray, title=
 
 def share_in_boxes(points: np.ndarray, boxes: np.ndarray) -> float:
     """Share of points (n, >=3) that lie in one of the boxes (M, 7)."""
-    from kitti.boxes import points_in_boxes
-
     return float((points_in_boxes(points, boxes) >= 0).mean()) if len(points) else 0.0

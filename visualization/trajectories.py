@@ -18,7 +18,7 @@ MAX_POINTS = 6000  # of the scan behind the tracks
 
 
 def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -> Figure:
-    """A row per clip (such as displacement 0 and 2 m): its tracks over `span` frames up to the last.
+    """A row per clip (such as displacement 0 and 2 m): its tracks over the last `span` frames.
 
     Everything is drawn in the sensor's frame at each moment, as the paper does.
     """

@@ -28,7 +28,9 @@ def samplings(network: StreamingNetwork, state: FrameState) -> Samplings:
     plain1 = _farthest(tf.constant(state.sampled[None]), sizes[0])
     plain3 = _farthest(_farthest(plain1, sizes[1]), coarse)
     layers = ("TRA_SA1", "TRA_SA3")
-    return Samplings(layers, *(tuple(x.numpy()[0] for x in p) for p in (filtered, (plain1, plain3))))
+    return Samplings(
+        layers, *(tuple(x.numpy()[0] for x in p) for p in (filtered, (plain1, plain3)))
+    )
 
 
 def neighborhood(

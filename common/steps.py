@@ -1,0 +1,53 @@
+"""Steps of a long job that are skipped where they are done: what they depend on has not changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from common.files import write_json
+from common.provenance import ROOT
+
+
+class Steps:
+    """The steps that were finished in a folder, remembered in `steps.json`.
+
+    Args:
+        folder: of the job's output.
+    """
+
+    def __init__(self, folder: str | Path):
+        self.path = Path(folder) / "steps.json"
+
+    def run(self, name: str, key: str, outputs: Sequence[Path], make: Callable[[], object]) -> bool:
+        """Calls `make` unless the step was done under the same key and its outputs are there.
+
+        Returns whether `make` was called. If it raises, the step counts as not done.
+        """
+        done = self._read()
+        if done.get(name) == key and all(path.exists() for path in outputs):
+            return False
+        make()
+        write_json(self.path, {**self._read(), name: key})
+        return True
+
+    def _read(self) -> dict[str, str]:
+        try:
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # none yet, or spoilt: everything is done again
+            return {}
+        return found if isinstance(found, dict) else {}
+
+
+def key_of(*parts: object, sources: Iterable[str] = ()) -> str:
+    """A short digest of values (by their repr) and of the project's files under `sources`.
+
+    sources: patterns below the project's root, such as "tracking/*.py".
+    """
+    digest = hashlib.blake2b(repr(parts).encode(), digest_size=8)
+    for pattern in sources:
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,97 @@
+"""All pictures of the demo: which scene, which frame, which file, which words below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from common.progress import Progress
+from visualization.animation import animate
+from visualization.association import association
+from visualization.birds_eye import birds_eye
+from visualization.clip import Clip
+from visualization.drawing import save
+from visualization.sampling import sampling, share_in_boxes
+from visualization.trajectories import trajectories
+
+
+class Picture(NamedTuple):
+    """A file and what it shows."""
+
+    path: Path
+    caption: str
+
+
+PICTURES = {
+    "birds_eye.png": "Bird's-eye view (the paper's Fig. 1): truth in green with dotted lines, "
+    "PointTrackNet in blue with solid lines and ids.",
+    "sampling.png": "Sampling (Fig. 3): points that the tracker's layers keep after the "
+    "probability filter (green) and by farthest-point sampling alone (red).",
+    "association.png": "Association head (Fig. 4): the neighbours in the next frame (solid blue) "
+    "of one point (solid red).",
+    "trajectories.png": "Trajectories in 3-D (Fig. 6), one colour per id.",
+    "animation.gif": "The sequence with ids.",
+}
+
+
+def pictures(folder: str | Path) -> list[Picture]:
+    """The files that `draw_tracks` and `draw_network` write, in the page's order."""
+    return [Picture(Path(folder) / name, caption) for name, caption in PICTURES.items()]
+
+
+def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> None:
+    """Fig. 1, Fig. 6 and the animation.
+
+    clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips.
+    """
+    first = clips[0]
+    frames = min(first.num_frames, 100)
+    with Progress(frames + 1 + len(clips), "pictures of tracks", "pictures") as bar:
+        t = first.busiest_frame()
+        save(birds_eye(first, t, f"{titles[0]}, frame {t}"), folder / "birds_eye.png")
+        bar.update()
+        save(trajectories(clips, titles), folder / "trajectories.png", dpi=110)
+        bar.update(len(clips))
+        animate(first, folder / "animation.gif", titles[0], frames, bar.update)
+
+
+def draw_network(clip: Clip, weights: Path, title: str, folder: Path) -> dict[str, float]:
+    """Fig. 3 and Fig. 4 at the busiest frame.
+
+    Returns shares of sampled points that lie on vehicles, by layer and kind of sampling.
+    """
+    from models.inference import StreamingNetwork  # TensorFlow only where it is needed
+    from training.weights import load_networks
+    from visualization.views import neighborhood, samplings
+
+    with Progress(3, "pictures of the network", "steps") as bar:
+        network = StreamingNetwork(*load_networks(weights))
+        bar.update()
+        t = _frame_with_scans(clip)
+        before, now = clip.truth.at(t - 1).boxes, clip.truth.at(t).boxes
+        previous, current = (network.detect(clip.scan(i), i) for i in (t - 1, t))
+        found = samplings(network, current)
+        figure = sampling(found, current.sampled, now, f"{title}, frame {t}")
+        save(figure, folder / "sampling.png")
+        bar.update()
+        view = neighborhood(network, previous, current, before)
+        figure = association(view, before, now, f"{title}, frames {t - 1} and {t}")
+        save(figure, folder / "association.png")
+        bar.update()
+    shares = {}
+    for layer, filtered, plain in zip(*found, strict=True):
+        shares[f"{layer} filtered"] = share_in_boxes(filtered, now)
+        shares[f"{layer} plain"] = share_in_boxes(plain, now)
+    return shares
+
+
+def _frame_with_scans(clip: Clip) -> int:
+    """The busiest frame, or the nearest one that has a scan and one before it."""
+    order = np.argsort(np.abs(np.arange(1, clip.num_frames) - clip.busiest_frame()), kind="stable")
+    for t in order + 1:
+        if len(clip.scan(int(t))) and len(clip.scan(int(t) - 1)):
+            return int(t)
+    raise ValueError(f"sequence {clip.name} has no two adjacent scans")
