@@ -6,7 +6,7 @@ STAMP  := $(VENV)/requirements.stamp
 PYTEST_FLAGS ?= -n 2 --dist worksteal
 
 .DEFAULT_GOAL := all
-.PHONY: all venv ops test test-fast lint format clean
+.PHONY: all venv ops demo test test-fast lint format clean
 
 all: venv ops
 
@@ -21,6 +21,9 @@ $(STAMP): requirements.txt requirements-lock.txt
 
 ops: $(STAMP)
 	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY))
+
+demo: ops
+	$(PY) demo.py $(DEMO_FLAGS)
 
 test: ops
 	$(PY) -m pytest $(PYTEST_FLAGS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -30,8 +31,11 @@ def run(
 ) -> int:
     """Runs `main(argv)`; bad input and full disks become one line on stderr and exit code 2.
 
+    TensorFlow's start-up messages, which speak of a GPU that is not there, are kept out of it.
+
     Returns the exit code: 0 on success, 2 for `InputError` and `OSError`, 130 when interrupted.
     """
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     try:
         return main(argv) or 0
     except InputError as error:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from common.progress import Progress
+from kitti.labels import Objects
 from visualization.animation import animate
 from visualization.association import association
 from visualization.birds_eye import birds_eye
@@ -56,6 +58,31 @@ def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> N
         save(trajectories(clips, titles), folder / "trajectories.png", dpi=110)
         bar.update(len(clips))
         animate(first, folder / "animation.gif", titles[0], frames, bar.update)
+
+
+def draw_unlabelled(
+    name: str,
+    results: Objects,
+    points: Callable[[int], np.ndarray | None],
+    first: int,
+    last: int,
+    folder: Path,
+) -> list[Path]:
+    """Fig. 1 and Fig. 6 at the last of the frames first ... last, and the animation, without truth.
+
+    results, points: as in `Clip`, frames counted as the files are; returns the files written.
+    """
+    shifted = replace(results, frame=results.frame - first)
+    count = last - first + 1
+    clip = Clip(name, count, lambda t: points(t + first), shifted, Objects.empty())
+    paths = [folder / file for file in ("birds_eye.png", "trajectories.png", "animation.gif")]
+    with Progress(min(count, 100) + 2, "pictures", "pictures") as bar:
+        save(birds_eye(clip, count - 1, f"{name}, frame {last}"), paths[0])
+        bar.update()
+        save(trajectories([clip], [name]), paths[1], dpi=110)
+        bar.update()
+        animate(clip, paths[2], name, min(count, 100), bar.update)
+    return paths
 
 
 def draw_network(clip: Clip, weights: Path, title: str, folder: Path) -> dict[str, float]:

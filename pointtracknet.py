@@ -1,0 +1,101 @@
+"""PointTrackNet as a library: scans in, tracks out, one call per scan.
+
+tracker = Tracker.load("weights")
+for path in sorted(Path("scans").glob("*.bin")):
+    tracks = tracker.update(read_scan(path))
+    print(tracks.ids, tracks.boxes)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+from kitti.calibration import Calibration
+from kitti.image_size import image_size_of
+from kitti.scans import in_camera_view
+from kitti.standard_mounting import standard_mounting
+from models.inference import FrameState, StreamingNetwork
+from tracking import Tracks, make_tracker
+from training.weights import load_networks
+
+__all__ = ["Tracker", "Tracks"]
+
+
+class Tracker:
+    """Detector, tracker network and Algorithm 1 on one stream of scans.
+
+    Args:
+        network: both networks.
+        calib: how the scanner is mounted and what the camera sees; None for
+            `kitti.standard_mounting`. The networks look at what the camera sees, as they were
+            trained.
+        parameters: fields of `tracking.association_to_trajectory.AssociationParameters`.
+    """
+
+    def __init__(
+        self, network: StreamingNetwork, calib: Calibration | None = None, **parameters: float
+    ):
+        self.network = network
+        self.calib = standard_mounting() if calib is None else calib
+        self.image_size = image_size_of(self.calib)
+        self.class_names = np.array(network.detector.config.box.classes)
+        self._association = make_tracker("pointtracknet", **parameters)
+        self._previous: FrameState | None = None
+        self._type_of: dict[int, str] = {}
+        self.frame = 0
+
+    @classmethod
+    def load(
+        cls, weights: str | Path = "weights", calib: Calibration | None = None, **parameters: float
+    ) -> Tracker:
+        """With the networks of a folder that holds detector.npz and tracker.npz.
+
+        Raises:
+            InputError: weights are missing, broken or do not belong together.
+        """
+        return cls(StreamingNetwork(*load_networks(weights)), calib, **parameters)
+
+    def points_level(self, scan: np.ndarray) -> np.ndarray:
+        """(n, >=3) scan, Velodyne frame, metres -> (m, 3) float32 level frame, camera crop."""
+        points = self.calib.velo_to_level(scan[:, :3])
+        return points[in_camera_view(points, self.calib, self.image_size)].astype(np.float32)
+
+    def update(self, points: np.ndarray) -> Tracks:
+        """Takes the next scan and returns the tracks that are to be reported for it.
+
+        Args:
+            points: (n, >=3) float, Velodyne frame (x ahead, y left, z up), metres; n may be 0
+                for a frame without a scan.
+
+        Returns:
+            Tracks: boxes (T, 7) in the level frame, ids, scores. `types` tells their classes.
+
+        Raises:
+            InputError: points of another shape, or not finite.
+        """
+        points = np.asarray(points, np.float32)
+        if points.ndim != 2 or points.shape[1] < 3:
+            raise InputError(f"expected points of shape (n, >=3), found {points.shape}")
+        if not np.isfinite(points).all():
+            raise InputError("expected finite points, found NaN or infinity")
+        state = self.network.detect(self.points_level(points), self.frame)
+        cues = {}
+        if self._previous is not None:
+            cues["points"] = self._previous.points
+            cues["displacement"] = self.network.displacement(self._previous, state)
+        found = state.detections
+        self._association.predict()
+        tracks = self._association.update(found.boxes, found.scores, frame=self.frame, **cues)
+        for track_id, row in zip(tracks.ids.tolist(), tracks.detections.tolist(), strict=True):
+            if row >= 0:
+                self._type_of[track_id] = str(self.class_names[found.classes[row]])
+        self._previous = state
+        self.frame += 1
+        return tracks
+
+    def types(self, tracks: Tracks) -> np.ndarray:
+        """(T,) class names of tracks that this tracker returned."""
+        return np.array([self._type_of[i] for i in tracks.ids.tolist()], "<U16")

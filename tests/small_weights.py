@@ -1,0 +1,32 @@
+"""A folder of weights of two very small untrained networks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def write_weights(folder: Path, seed: int = 0) -> Path:
+    """Writes detector.npz and tracker.npz; returns the folder. Imports TensorFlow."""
+    import keras
+    from network_cases import SMALL_DETECTOR, SMALL_TRACKER
+
+    from common.config import to_dict
+    from models.box_coding import head_channels
+    from models.detector import Detector
+    from models.tracker import Tracker, tracker_channels
+    from training import checkpoint
+    from training.config import DetectorTrainingConfig, TrackerTrainingConfig
+
+    keras.utils.set_random_seed(seed)
+    detector = Detector(SMALL_DETECTOR)
+    channels = tracker_channels(SMALL_TRACKER, SMALL_DETECTOR, head_channels(SMALL_DETECTOR.box))
+    tracker = Tracker(channels, SMALL_TRACKER)
+    meta = {"kind": "detector", "config": to_dict(DetectorTrainingConfig(SMALL_DETECTOR))}
+    checkpoint.save(folder / "detector.npz", meta, model=detector.weights)
+    meta = {
+        "kind": "tracker",
+        "config": to_dict(TrackerTrainingConfig(SMALL_TRACKER)),
+        "detector_sha256": checkpoint.content_hash(detector.weights),
+    }
+    checkpoint.save(folder / "tracker.npz", meta, model=tracker.weights)
+    return folder

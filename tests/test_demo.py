@@ -1,0 +1,97 @@
+"""The demo's own path on a tiny configuration: whole, interrupted, repeated, with bad input."""
+
+import json
+
+import pytest
+from small_weights import write_weights
+
+import demo
+from common import flags
+from experiments import demonstration
+from visualization.gallery import pictures
+
+TINY = ("--sequences", "1", "--frames", "5")
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    return write_weights(tmp_path_factory.mktemp("weights"))
+
+
+def _run(out, weights, *more) -> int:
+    return flags.run(demo.main, [*TINY, "--out", str(out), "--weights", str(weights), *more])
+
+
+@pytest.mark.slow
+def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch, capsys):
+    out = tmp_path / "demo"
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(demonstration, "draw_tracks", interrupt)
+        assert _run(out, weights) == flags.INTERRUPTED
+    assert not (out / "metrics.json").exists()
+    recordings = {path: path.stat().st_mtime_ns for path in (out / "recordings").iterdir()}
+    assert len(recordings) == 2  # one sequence at 0 and at 2 m
+
+    assert _run(out, weights) == 0  # goes on: the networks' outputs and the data are kept
+    assert {path: path.stat().st_mtime_ns for path in recordings} == recordings
+    printed = capsys.readouterr().out
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert list(metrics["figures"]) == ["0", "2"]
+    for trackers in metrics["figures"].values():
+        assert list(trackers) == ["pointtracknet", "sort", "deep_sort", "ab3dmot"]
+        gt = {record["clear3d"]["overall"]["GT"] for record in trackers.values()}
+        assert len(gt) == 1
+        assert all(r["seconds_per_frame"]["total"] > 0 for r in trackers.values())
+    assert metrics["run"]["git_commit"] or True in metrics["run"]["versions"]
+    table = (out / "table.md").read_text()
+    assert "| PointTrackNet | " in table and "paper, KITTI" in table
+    assert table.splitlines()[4] in printed
+    for name in ("table.md", "metrics.json", "index.html"):
+        assert str(out / name) in printed
+    made = {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)}
+    assert all(str(path) in printed and path.stat().st_size > 1000 for path in made)
+
+    with monkeypatch.context() as patch:  # nothing is left to do for the networks
+        patch.setattr("evaluation.network.NetworkBoxes.load", interrupt)
+        patch.setattr(demonstration, "draw_network", interrupt)
+        patch.setattr(demonstration, "evaluate_recorded", interrupt)
+        assert _run(out, weights) == 0
+    assert {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)} == made
+
+    other = write_weights(tmp_path / "other", seed=1)
+    assert _run(out, other) == 0  # other weights: everything that depends on them is new
+    assert not set(recordings) & set((out / "recordings").iterdir())
+    assert all(path.stat().st_mtime_ns > made[path] for path in made)
+
+
+def test_missing_weights_end_with_one_line_and_code_2(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(demonstration, "simulate", lambda argv: None)
+    monkeypatch.setattr(demonstration, "displaced_scenes", lambda config: [None])
+    assert _run(tmp_path / "out", tmp_path / "nothing") == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "detector.npz: expected a checkpoint file" in error
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (("--displacements", "2,0"), "expected 0 and then others"),
+        (("--data_root", "x"), "--data_root and --seqs go together"),
+        (("--data_root", "x", "--seqs", "0000"), "--sequences and --frames are for simulated data"),
+    ],
+)
+def test_flags_that_do_not_fit(tmp_path, capsys, argv, message):
+    assert _run(tmp_path / "out", tmp_path, *argv) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_failing_step_fails_the_demo(tmp_path, weights, monkeypatch):
+    def fail(argv):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(demonstration, "simulate", fail)
+    assert _run(tmp_path / "out", weights) == 2

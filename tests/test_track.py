@@ -1,0 +1,118 @@
+"""track.py and the library's Tracker, on a network that finds what it is told and on a real one."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_weights import write_weights
+
+import track
+from common import flags
+from common.errors import InputError
+from kitti.calibration import write_calibration
+from kitti.labels import read_results
+from kitti.scans import write_scan
+from kitti.standard_mounting import standard_mounting
+from models.detections import Detections
+from pointtracknet import Tracker
+
+SPEED = np.array([5.0, 0.0, 0.0])  # metres per frame: more than a car's length
+
+
+class ScriptedNetwork:
+    """One car that moves by SPEED; it knows so and says so."""
+
+    def __init__(self):
+        box = SimpleNamespace(classes=("Car", "Van"))
+        self.detector = SimpleNamespace(config=SimpleNamespace(box=box))
+
+    def detect(self, points, t):
+        box = np.array([[10.0, 0, 0, 4, 1.8, 1.5, 0]]) + np.pad(SPEED * t, (0, 4))
+        count = min(len(points), 1)
+        detections = Detections(box[:count], np.ones(count), np.ones(count, np.int32))
+        return SimpleNamespace(points=box[:count, :3], detections=detections)
+
+    def displacement(self, previous, current):
+        return np.tile(SPEED, (len(previous.points), 1))
+
+
+def scan(t: int = 0, count: int = 400) -> np.ndarray:
+    rng = np.random.default_rng(t)
+    return rng.uniform((5, -5, -1.7, 0), (40, 5, 1, 1), (count, 4)).astype(np.float32)
+
+
+def test_standard_mounting_is_kittis():
+    calib = standard_mounting()
+    np.testing.assert_allclose(calib.velo_to_level(np.zeros((1, 3)))[0], [-0.272, 0.004, 0.076])
+    ahead = calib.velo_to_level(np.array([[10.0, 2.0, 1.0]]))[0]
+    np.testing.assert_allclose(ahead, [10 - 0.272, 2.004, 1.076])
+
+
+def test_one_call_per_scan_keeps_the_id_of_a_fast_car():
+    tracker = Tracker(ScriptedNetwork())
+    seen = [tracker.update(scan(t)) for t in range(4)]
+    assert [tracks.ids.tolist() for tracks in seen] == [[0]] * 4
+    assert tracker.types(seen[-1]).tolist() == ["Van"]
+    np.testing.assert_allclose(seen[-1].boxes[0, :3], 3 * SPEED + [10, 0, 0])
+
+
+def test_a_frame_without_points_is_survived():
+    tracker = Tracker(ScriptedNetwork())
+    counts = [len(tracker.update(points)) for points in (scan(), scan()[:0], scan())]
+    assert counts == [1, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [(np.zeros((4, 2)), "shape"), (np.full((4, 4), np.nan), "finite")],
+)
+def test_bad_points_are_refused(points, message):
+    with pytest.raises(InputError, match=message):
+        Tracker(ScriptedNetwork()).update(points)
+
+
+def test_frame_numbers_come_from_six_digits_or_from_the_order(tmp_path):
+    for name in ("000007", "000009"):
+        write_scan(tmp_path / f"{name}.bin", scan())
+    assert list(track.find_scans(tmp_path)) == [7, 9]
+    write_scan(tmp_path / "1317617735.bin", scan())
+    assert list(track.find_scans(tmp_path)) == [0, 1, 2]
+    results = track.track_scans(
+        Tracker(ScriptedNetwork()), {7: tmp_path / "000007.bin", 9: tmp_path / "000009.bin"}
+    )
+    assert results.frame.tolist() == [7, 9]  # 8 has no scan: nothing is found there
+    assert (results.bbox[:, 2] > results.bbox[:, 0]).all()
+
+
+@pytest.mark.slow
+def test_command_line_writes_results_and_pictures(tmp_path, capsys):
+    weights = write_weights(tmp_path / "weights")
+    for t in range(3):
+        write_scan(tmp_path / "drive" / f"{t:06d}.bin", scan(t))
+    write_calibration(tmp_path / "calib.txt", standard_mounting())
+    argv = ["--scans", tmp_path / "drive", "--weights", weights, "--calib", tmp_path / "calib.txt"]
+    argv = [str(a) for a in (*argv, "--out", tmp_path / "out")]
+    assert flags.run(track.main, argv) == 0
+    printed = capsys.readouterr().out
+    read_results(tmp_path / "out" / "drive.txt", 3)
+    for name in ("drive.txt", "birds_eye.png", "trajectories.png", "animation.gif"):
+        assert (tmp_path / "out" / name).is_file() and str(tmp_path / "out" / name) in printed
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda folder: None, "expected a directory with .bin files"),
+        (lambda folder: folder.mkdir(), "found no .bin file"),
+        (
+            lambda folder: write_scan(folder / "a.bin", scan()),
+            "detector.npz: expected a checkpoint",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, capsys, make, message):
+    make(tmp_path / "scans")
+    argv = ["--scans", tmp_path / "scans", "--out", tmp_path / "out", "--weights", tmp_path / "no"]
+    assert flags.run(track.main, [str(a) for a in argv]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and message in error

@@ -1,0 +1,156 @@
+"""Every picture holds what it promises: axes in metres, boxes, lines, colours by id."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Circle, ConnectionPatch
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from PIL import Image
+
+from kitti.labels import Objects
+from visualization.animation import animate
+from visualization.association import Neighborhood, association
+from visualization.birds_eye import birds_eye
+from visualization.clip import Clip
+from visualization.drawing import FOUND, TRUTH, id_color, outlines, save
+from visualization.sampling import Samplings, sampling, share_in_boxes
+from visualization.trajectories import trajectories
+
+FRAMES = 6
+
+
+def _objects(count: int, shift: float = 0.0) -> Objects:
+    """`count` cars side by side that move 1 m a frame."""
+    parts = []
+    for t in range(FRAMES):
+        boxes = np.tile([10.0 + t + shift, 0, 0, 4, 1.8, 1.5, 0], (count, 1))
+        boxes[:, 1] = 4 * np.arange(count)
+        parts.append(Objects.from_boxes(t, np.arange(count), boxes, 1.0))
+    return Objects.concatenate(parts)
+
+
+def _points(t: int):
+    rng = np.random.default_rng(t)
+    return None if t == 2 else rng.uniform((0, -20, -2), (60, 20, 1), (300, 3)).astype(np.float32)
+
+
+@pytest.fixture
+def clip() -> Clip:
+    return Clip("0016", FRAMES, _points, _objects(3, 0.2), _objects(2))
+
+
+def _collections(panel, kind=LineCollection):
+    return [artist for artist in panel.collections if isinstance(artist, kind)]
+
+
+def _rgba(color):
+    from matplotlib.colors import to_rgba
+
+    return to_rgba(color)
+
+
+def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
+    figure = birds_eye(clip, 5)
+    (panel,) = figure.axes
+    assert panel.get_xlabel() == "x forward (m)" and panel.get_ylabel() == "y left (m)"
+    assert panel.get_aspect() == 1.0
+    truth, truth_trails, found, found_trails = _collections(panel)
+    assert [len(c.get_segments()) for c in (truth, truth_trails, found, found_trails)] == [
+        2, 2, 3, 3,
+    ]  # fmt: skip
+    for artist, color in ((truth, TRUTH), (truth_trails, TRUTH), (found, FOUND)):
+        assert tuple(artist.get_colors()[0]) == _rgba(color)
+    assert truth_trails.get_linestyles()[0][1] is not None  # dotted
+    assert found_trails.get_linestyles()[0][1] is None  # solid
+    assert len(found_trails.get_segments()[0]) == FRAMES
+    assert [text.get_text() for text in panel.texts] == ["0", "1", "2"]
+    path = save(figure, tmp_path / "a.png")
+    assert np.asarray(Image.open(path).convert("L")).std() > 1
+
+
+def test_trails_leave_out_the_sensors_own_motion():
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    poses[:, 0, 3] = -np.arange(FRAMES)  # the sensor drives backwards as fast as the cars forwards
+    clip = Clip("0016", FRAMES, _points, _objects(1), Objects.empty(), poses)
+    trail = clip.trails(clip.results, 5, 10)[0]
+    # in the level frame of 5: the car at t was at 10 + t - t + 5 in that frame's coordinates
+    np.testing.assert_allclose(trail[:, 0], np.full(FRAMES, 15.0))
+
+
+def test_outline_has_a_stroke_to_the_front():
+    (outline,) = outlines(np.array([[0, 0, 0, 4, 2, 1, 0.0]]))
+    np.testing.assert_allclose(outline[-1], [2, 0], atol=1e-12)
+    assert np.abs(outline).max() == 2
+
+
+def test_sampling_has_a_panel_per_layer(clip):
+    rng = np.random.default_rng(0)
+    sets = [rng.uniform(-5, 50, (n, 3)) for n in (300, 32, 300, 32)]
+    samplings = Samplings(("TRA_SA1", "TRA_SA3"), tuple(sets[:2]), tuple(sets[2:]))
+    figure = sampling(samplings, _points(0), clip.truth.at(0).boxes)
+    assert [panel.get_title() for panel in figure.axes] == [
+        "TRA_SA1: 300 points", "TRA_SA3: 32 points",
+    ]  # fmt: skip
+    for panel, count in zip(figure.axes, (300, 32), strict=True):
+        scan, plain, filtered = panel.lines
+        assert len(scan.get_xdata()) == 300
+        assert (plain.get_color(), filtered.get_color()) == ("tab:red", "tab:green")
+        assert len(plain.get_xdata()) == len(filtered.get_xdata()) == count
+        assert len(_collections(panel)[0].get_segments()) == 2
+
+
+def test_share_in_boxes():
+    box = np.array([[0, 0, 0, 2, 2, 2, 0.0]])
+    assert share_in_boxes(np.array([[0.0, 0, 0], [5, 0, 0], [0.5, 0, 0], [9, 9, 9]]), box) == 0.5
+    assert share_in_boxes(np.zeros((0, 3)), box) == 0.0
+
+
+def test_association_shows_the_group_of_the_chosen_point():
+    rng = np.random.default_rng(0)
+    previous, current = rng.normal(size=(20, 3)), rng.normal(size=(20, 3))
+    group = np.array([1, 4, 5, 5])  # one repeated: three different points
+    view = Neighborhood(previous, current, 7, group, 5.0)
+    figure = association(view, np.zeros((0, 7)), np.zeros((0, 7)))
+    left, right = figure.axes
+    np.testing.assert_allclose(left.collections[-1].get_offsets()[0], previous[7, :2])
+    solid = right.collections[-2].get_offsets()
+    np.testing.assert_allclose(np.sort(solid, 0), np.sort(current[[1, 4, 5], :2], 0))
+    lines = [artist for artist in figure.artists if isinstance(artist, ConnectionPatch)]
+    assert len(lines) == 3
+    (circle,) = (patch for patch in right.patches if isinstance(patch, Circle))
+    assert circle.radius == 5.0
+
+
+def test_trajectories_have_a_row_per_clip_and_a_colour_per_id(clip):
+    figure = trajectories([clip, clip], ["D = 0", "D = 2 m"])
+    assert [panel.get_title() for panel in figure.axes] == ["D = 0 (3 ids)", "D = 2 m (3 ids)"]
+    for panel in figure.axes:
+        lines = panel.lines[1:]  # the first is the scan
+        assert [line.get_color() for line in lines] == [id_color(i) for i in range(3)]
+        assert len(panel.collections) == 3
+        assert all(isinstance(artist, Line3DCollection) for artist in panel.collections)
+        assert panel.get_xlabel() == "x forward (m)"
+
+
+def test_neighbouring_ids_differ_in_colour():
+    assert all(id_color(i) != id_color(i + 1) for i in range(40))
+
+
+def test_animation_has_a_picture_per_frame(clip, tmp_path):
+    ticks = []
+    path = animate(clip, tmp_path / "a.gif", max_frames=4, each_frame=lambda: ticks.append(1))
+    image = Image.open(path)
+    assert image.n_frames == 4 == len(ticks)
+    assert image.info["loop"] == 0 and image.info["duration"] == 100
+    frames = []
+    for t in range(4):
+        image.seek(t)
+        frames.append(np.asarray(image.convert("RGB"), int))
+    assert all(np.abs(a - b).max() > 50 for a, b in zip(frames, frames[1:], strict=False))
+
+
+def test_pictures_of_nothing_are_drawn():
+    nothing = Clip("0000", 2, lambda t: None, Objects.empty(), Objects.empty())
+    assert len(birds_eye(nothing, 1).axes) == 1
+    assert len(trajectories([nothing], ["empty"]).axes) == 1
+    assert nothing.busiest_frame() == 1
