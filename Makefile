@@ -6,7 +6,7 @@ STAMP  := $(VENV)/requirements.stamp
 PYTEST_FLAGS ?= -n 2 --dist worksteal
 
 .DEFAULT_GOAL := all
-.PHONY: all venv ops demo test test-fast lint format clean
+.PHONY: all venv ops bench sanitize demo test test-fast lint format clean
 
 all: venv ops
 
@@ -20,10 +20,18 @@ $(STAMP): requirements.txt requirements-lock.txt
 	@touch $@
 
 ops: $(STAMP)
-	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY))
+	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY)) $(if $(NATIVE),NATIVE=$(NATIVE))
 
 demo: ops
 	$(PY) demo.py $(DEMO_FLAGS)
+
+bench: ops
+	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
+	$(PY) -m tf_ops.bench table
+	$(PY) -m tf_ops.bench growth
+
+sanitize: $(STAMP)
+	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY)) sanitize
 
 test: ops
 	$(PY) -m pytest $(PYTEST_FLAGS)

@@ -19,6 +19,7 @@ from common.progress import progress
 from common.provenance import ROOT, provenance
 
 THREADS = 2
+GROUPS = ("one", "batch", "other")  # one cloud; eight clouds; boxes and features
 PEERS = ("fpsample", "pykdtree", "pynanoflann", "shapely", "scipy")
 
 
@@ -33,6 +34,9 @@ def parse(argv: Sequence[str] | None):
     )
     parser.add_argument("--out", type=Path, default=ROOT / "tf_ops/docs", help="output folder")
     parser.add_argument("--calls", type=positive_int, default=21, help="timed calls of each")
+    parser.add_argument(
+        "--group", choices=("all", *GROUPS), default="all", help="measure these rows of the table"
+    )
     parser.add_argument("--name", default="bench", help="name of the table's JSON file")
     parser.add_argument("--ours_only", action="store_true", help="leave the peers out")
     return parser.parse_args(argv)
@@ -88,9 +92,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         },
     )
     if args.what == "table":
+        chosen = list(cases.group(args.group, args.kitti_root))
         rows = [
             timing.measure(case, args.calls, args.ours_only)
-            for case in progress(cases.all_cases(args.kitti_root), 15, "bench", "case")
+            for case in progress(chosen, len(chosen), "bench", "case")
         ]
         print_table(rows)
         write_json(args.out / f"{args.name}.json", {"rows": rows, "provenance": record})

@@ -28,7 +28,12 @@ class Case:
 
 
 def fps_peers(clouds: np.ndarray, npoint: int) -> dict[str, Call]:
-    return {f"fpsample h={h}": partial(peers.fps(h), clouds, npoint) for h in peers.HEIGHTS}
+    found = {}
+    for h in peers.HEIGHTS:
+        found[f"fpsample h={h}"] = partial(peers.fps(h), clouds, npoint)
+        if len(clouds) > 1:
+            found[f"fpsample h={h}, 2 threads"] = partial(peers.fps_pooled(h), clouds, npoint)
+    return found
 
 
 def knn_peers(k: int, clouds: np.ndarray, queries: np.ndarray) -> dict[str, Call]:
@@ -141,8 +146,12 @@ def feature_cases(kitti_root: Path) -> Iterator[Case]:
         )
 
 
-def all_cases(kitti_root: Path) -> Iterator[Case]:
-    yield from cloud_cases(kitti_root, 1)
-    yield from cloud_cases(kitti_root, 8)
-    yield box_case()
-    yield from feature_cases(kitti_root)
+def group(name: str, kitti_root: Path) -> Iterator[Case]:
+    """The cases of a group: `one` cloud, a `batch` of eight, `other` (boxes, features), `all`."""
+    if name in ("one", "all"):
+        yield from cloud_cases(kitti_root, 1)
+    if name in ("batch", "all"):
+        yield from cloud_cases(kitti_root, 8)
+    if name in ("other", "all"):
+        yield box_case()
+        yield from feature_cases(kitti_root)

@@ -19,7 +19,7 @@ from tf_ops.bench.timing import seconds
 
 SIZES = tuple(round(n) for n in np.logspace(3, 6, 7))
 QUERIES = 2048
-BUDGET_S = 1.5  # per curve and size; at least one call
+BUDGET_S = 0.5  # per curve and size; at least one call
 
 Curve = Callable[[np.ndarray], Callable[[], object]]
 

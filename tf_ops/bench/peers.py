@@ -20,15 +20,17 @@ Clouds = np.ndarray  # (B, N, 3) float32
 
 
 def fps(height: int) -> Callable[[Clouds, int], list]:
-    """fpsample's fastest sampler; the clouds of a batch are shared among the threads."""
+    """fpsample's fastest sampler, cloud after cloud; it uses one thread."""
+    return lambda clouds, npoint: [_sample(xyz, npoint, height) for xyz in clouds]
 
-    def run(clouds: Clouds, npoint: int) -> list:
-        def sample(xyz):
-            return fpsample.bucket_fps_kdline_sampling(xyz, npoint, height, start_idx=0)
 
-        return [sample(clouds[0])] if len(clouds) == 1 else list(POOL.map(sample, clouds))
+def fps_pooled(height: int) -> Callable[[Clouds, int], list]:
+    """As `fps`, the clouds shared among two threads."""
+    return lambda clouds, npoint: list(POOL.map(lambda xyz: _sample(xyz, npoint, height), clouds))
 
-    return run
+
+def _sample(xyz: np.ndarray, npoint: int, height: int) -> np.ndarray:
+    return fpsample.bucket_fps_kdline_sampling(xyz, npoint, height, start_idx=0)
 
 
 def ball_scipy(radius: float, clouds: Clouds, queries: Clouds) -> list:

@@ -11,7 +11,7 @@ import numpy as np
 from tf_ops.bench.cases import Case
 
 WARM_UP = 2
-PROBE = 3  # calls of each peer that choose the best one
+PROBE = 2  # calls of each peer that choose the best one
 
 
 def seconds(call: Callable[[], object]) -> float:
