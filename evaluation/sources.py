@@ -29,6 +29,7 @@ class BoxSource(Protocol):
             points: (n, 3) points of frame t-1, level frame; displacement: (n, 3) their predicted
                 movement to frame t, metres (needed by the tracker `pointtracknet`).
             appearance: (M, C) a vector per box (used by `deep_sort` if present).
+            label_ids: (M,) ids where the boxes are labels (spares `gt_displacement` finding them).
         """
 
 
@@ -40,7 +41,9 @@ class GroundTruthBoxes:
 
     def frames(self, scene: Scene) -> Iterator[Detected]:
         """See `BoxSource.frames`."""
-        yield from by_frame(scene.objects.of_classes(self.classes), scene.num_frames)
+        labels = scene.objects.of_classes(self.classes)
+        for t, boxes, scores, extras in by_frame(labels, scene.num_frames):
+            yield t, boxes, scores, {**extras, "label_ids": labels.at(t).track_id}
 
 
 class DetectionFiles:

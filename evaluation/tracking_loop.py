@@ -99,14 +99,15 @@ class Cues:
         """Keyword arguments for `Tracker.update` in frame t; frames come in order."""
         return self._make(t, boxes, extras)
 
-    def _true_motion(self, t, boxes, _extras):
+    def _true_motion(self, t, boxes, extras):
         now, before = self._labels.at(t), self._before
         self._before = now
+        ids = extras.get("label_ids")
         return {
             "box_displacement": TrueDisplacement(
                 before.boxes, before.track_id, now.boxes, now.track_id
             ),
-            "ids": assign_label_ids(boxes, now.boxes, now.track_id),
+            "ids": assign_label_ids(boxes, now.boxes, now.track_id) if ids is None else ids,
         }
 
     def _appearance(self, t, boxes, extras):
