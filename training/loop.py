@@ -103,7 +103,8 @@ def run_training(run: Run, resume: bool = False) -> dict[str, float]:
         TrainingDivergedError: the loss became NaN or infinite.
     """
     workdir, schedule = run.workdir, run.task.schedule
-    prepare_workdir(workdir, resume)
+    if run.chief:
+        prepare_workdir(workdir, resume)
     folder = CheckpointFolder(workdir / "checkpoints", schedule.keep_checkpoints)
     step = _resume(run, folder) if resume else 0
     if run.chief and not resume:
