@@ -3,27 +3,53 @@
     python -m training.export --detector runs/det/checkpoints/best.npz \\
         --tracker runs/track/checkpoints/best.npz --out weights
 
-Each network becomes NAME.npz (weights and configuration, without the optimiser's state) and
-NAME.json, its configuration, figures and training record for reading.
+Each network becomes NAME.npz (weights and configuration, without the optimiser's state),
+NAME.json, its configuration, figures and training record for reading, and NAME_history.csv, the
+figures of every epoch; training.md tells all of it in two tables.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from common.files import write_json
+from common.files import write_bytes, write_json, write_text
 from common.flags import ArgumentParser, run
 from training import checkpoint
 from training.weights import load_detector, load_tracker
 
 
-def export(path: str | Path, variables, out: Path) -> None:
-    """Writes out.npz and out.json from the checkpoint at `path` and the variables read from it."""
+def export(path: str | Path, variables, out: Path) -> dict[str, Any]:
+    """Writes out.npz, out.json and the history from the checkpoint at `path`; returns its meta."""
     meta, _ = checkpoint.load(path)
     meta.pop("format")
     checkpoint.save(out.with_suffix(".npz"), meta, model=variables)
     write_json(out.with_suffix(".json"), meta)
+    history = Path(path).parent.parent / "history.csv"
+    if history.is_file():
+        write_bytes(out.with_name(f"{out.name}_history.csv"), history.read_bytes())
+    return meta
+
+
+def describe(meta: dict[str, Any]) -> str:
+    """A table of what made a network and what it reached, as Markdown."""
+    schedule, record = meta["config"]["schedule"], meta["record"]
+    rows = {
+        "command": f"`{record['command']}`",
+        "made": f"{record['time_utc']}, commit {record['git_commit']}",
+        "parameters": record["parameters"],
+        "steps": meta["step"],
+        "batch": schedule["batch_size"],
+        "samples seen": meta["step"] * schedule["batch_size"],
+        "learning rate": f"{schedule['learning_rate_min']} to {schedule['learning_rate_max']}",
+        "started from": record["data"].get("init") or "random weights",
+        "training data": ", ".join(record["data"]["training"]),
+        "validation data": ", ".join(record["data"]["validation"]),
+        **{name: f"{value:.4g}" for name, value in meta["figures"].items()},
+    }
+    lines = [f"| {meta['kind']} | |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in rows.items()), ""])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -35,8 +61,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     flags = parser.parse_args(argv)
     detector = load_detector(flags.detector)
     tracker = load_tracker(flags.tracker, detector)
-    export(flags.detector, detector.weights, flags.out / "detector")
-    export(flags.tracker, tracker.weights, flags.out / "tracker")
+    metas = [
+        export(flags.detector, detector.weights, flags.out / "detector"),
+        export(flags.tracker, tracker.weights, flags.out / "tracker"),
+    ]
+    write_text(flags.out / "training.md", "\n".join(map(describe, metas)))
     print(f"written to {flags.out}")
 
 
