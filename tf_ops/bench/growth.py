@@ -19,7 +19,8 @@ from tf_ops.bench.timing import seconds
 
 SIZES = tuple(round(n) for n in np.logspace(3, 6, 7))
 QUERIES = 2048
-BUDGET_S = 0.5  # per curve and size; at least one call
+BUDGET_S = 0.3  # per curve and size; at least one call
+LIMIT_MS = 1000.0  # a curve ends at the first size that takes longer
 
 Curve = Callable[[np.ndarray], Callable[[], object]]
 
@@ -60,10 +61,20 @@ def curves() -> dict[str, dict[str, Curve]]:
 
 
 def repeated(call: Callable[[], object]) -> float:
-    """Median time in ms of as many calls as the budget allows, after one to warm up."""
+    """Median time in ms of the calls the budget allows; a first one counts only if alone."""
     first = seconds(call)
-    calls = int(np.clip(BUDGET_S / max(first, 1e-6), 1, 21))
-    return 1e3 * float(np.median([seconds(call) for _ in range(calls)]))
+    calls = int(np.clip(BUDGET_S / max(first, 1e-6), 0, 21))
+    return 1e3 * float(np.median([seconds(call) for _ in range(calls)] or [first]))
+
+
+def curve(make: Curve, clouds: list[np.ndarray]) -> list[float]:
+    """Times in ms for the clouds from the smallest on, as far as the limit allows."""
+    times: list[float] = []
+    for xyz in clouds:
+        if times and times[-1] > LIMIT_MS:
+            break
+        times.append(repeated(make(xyz)))
+    return times
 
 
 def measure() -> list[dict[str, Any]]:
@@ -72,15 +83,11 @@ def measure() -> list[dict[str, Any]]:
     jobs = [
         (panel, name, make) for panel, names in curves().items() for name, make in names.items()
     ]
-    return [
-        {
-            "panel": panel,
-            "name": name,
-            "sizes": SIZES,
-            "ms": [repeated(make(xyz)) for xyz in clouds],
-        }
-        for panel, name, make in progress(jobs, len(jobs), "growth", "curve")
-    ]
+    results = []
+    for panel, name, make in progress(jobs, len(jobs), "growth", "curve"):
+        times = curve(make, clouds)
+        results.append({"panel": panel, "name": name, "sizes": SIZES[: len(times)], "ms": times})
+    return results
 
 
 def plot(results: list[dict[str, Any]], path: Path) -> None:
