@@ -48,7 +48,7 @@ class DemoConfig:
 
     out: Path = Path("results/demo")
     weights: Path = Path("weights")
-    sequences: int = 3
+    sequences: int = 2
     frames: int = 80
     data_root: Path | None = None
     seqs: tuple[int, ...] = ()
@@ -191,7 +191,16 @@ class Demo:
             "network",
             key,
             [*files, shares],
-            lambda: write_json(shares, draw_network(clips[0], weights, titles[0], folder)),
+            lambda: write_json(
+                shares,
+                draw_network(
+                    clips[0],
+                    weights,
+                    titles[0],
+                    folder / "sampling.png",
+                    folder / "association.png",
+                ),
+            ),
         )
 
     def report(self, records: dict[float, dict[str, Any]]) -> dict[str, Any]:

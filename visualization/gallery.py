@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import InputError
 from common.progress import Progress
 from kitti.labels import Objects
 from visualization.animation import animate
@@ -85,28 +86,36 @@ def draw_unlabelled(
     return paths
 
 
-def draw_network(clip: Clip, weights: Path, title: str, folder: Path) -> dict[str, float]:
-    """Fig. 3 and Fig. 4 at the busiest frame.
+def draw_network(
+    clip: Clip,
+    weights: Path,
+    title: str,
+    sampling_path: Path,
+    association_path: Path,
+    frame: int | None = None,
+) -> dict[str, float]:
+    """Fig. 3 and Fig. 4 at a frame, by default the busiest.
 
-    Returns shares of sampled points that lie on vehicles, by layer and kind of sampling.
+    Returns shares of sampled points that lie on vehicles, by layer and kind of sampling. Raises
+    InputError where the frame or the one before it has no scan.
     """
     from models.inference import StreamingNetwork  # TensorFlow only where it is needed
     from training.weights import load_networks
     from visualization.views import neighborhood, samplings
 
+    t = _frame_with_scans(clip) if frame is None else _checked_frame(clip, frame)
     with Progress(3, "pictures of the network", "steps") as bar:
         network = StreamingNetwork(*load_networks(weights))
         bar.update()
-        t = _frame_with_scans(clip)
         before, now = clip.truth.at(t - 1).boxes, clip.truth.at(t).boxes
         previous, current = (network.detect(clip.scan(i), i) for i in (t - 1, t))
         found = samplings(network, current)
         figure = sampling(found, current.sampled, now, f"{title}, frame {t}")
-        save(figure, folder / "sampling.png")
+        save(figure, sampling_path)
         bar.update()
         view = neighborhood(network, previous, current, before)
         figure = association(view, before, now, f"{title}, frames {t - 1} and {t}")
-        save(figure, folder / "association.png")
+        save(figure, association_path)
         bar.update()
     shares = {}
     for layer, filtered, plain in zip(*found, strict=True):
@@ -115,10 +124,16 @@ def draw_network(clip: Clip, weights: Path, title: str, folder: Path) -> dict[st
     return shares
 
 
+def _checked_frame(clip: Clip, t: int) -> int:
+    if not 1 <= t < clip.num_frames or not len(clip.scan(t)) or not len(clip.scan(t - 1)):
+        raise InputError(f"frame {t}: expected a scan there and in the frame before")
+    return t
+
+
 def _frame_with_scans(clip: Clip) -> int:
     """The busiest frame, or the nearest one that has a scan and one before it."""
     order = np.argsort(np.abs(np.arange(1, clip.num_frames) - clip.busiest_frame()), kind="stable")
     for t in order + 1:
         if len(clip.scan(int(t))) and len(clip.scan(int(t) - 1)):
             return int(t)
-    raise ValueError(f"sequence {clip.name} has no two adjacent scans")
+    raise InputError(f"sequence {clip.name} has no two adjacent scans")
