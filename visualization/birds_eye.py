@@ -40,7 +40,11 @@ def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
     birds_eye_axes(panel)
     handles = [Line2D([], [], color=FOUND, linewidth=1.2, label="PointTrackNet, with ids")]
     if len(clip.truth):
-        handles.append(Line2D([], [], color=TRUTH, linestyle=":", linewidth=2.2, label="truth"))
+        handles.append(
+            Line2D(
+                [], [], color=TRUTH, linestyle=":", linewidth=2.2, label="truth, dotted: its way"
+            )
+        )
     panel.legend(handles=handles, loc="upper left")
     panel.set_title(title or f"sequence {clip.name}, frame {t}")
     return figure

@@ -15,6 +15,7 @@ from visualization.drawing import EDGES, id_color
 
 BOX_EVERY = 10  # frames between two drawn boxes of a track
 MAX_POINTS = 6000  # of the scan behind the tracks
+X_RANGE, Y_RANGE = (0.0, 70.0), (-25.0, 25.0)  # metres; what lies outside is left out
 
 
 def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -> Figure:
@@ -26,13 +27,22 @@ def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -
     for row, (clip, title) in enumerate(zip(clips, titles, strict=True)):
         panel = figure.add_subplot(len(clips), 1, row + 1, projection="3d")
         last = clip.num_frames - 1
-        tracks = clip.results[(clip.results.frame > last - span) & (clip.results.frame <= last)]
-        _draw_scan(panel, clip.scan(last))
+        frame = clip.results.frame
+        shown = (frame > last - span) & (frame <= last) & _inside(clip.results.boxes)
+        tracks = clip.results[shown]
+        scan = clip.scan(last)
+        _draw_scan(panel, scan[_inside(scan)])
         for track_id in np.unique(tracks.track_id):
             _draw_track(panel, tracks[tracks.track_id == track_id], id_color(int(track_id)))
         _axes(panel)
         panel.set_title(f"{title} ({len(np.unique(tracks.track_id))} ids)")
     return figure
+
+
+def _inside(points: np.ndarray) -> np.ndarray:
+    """(n,) bool for (n, >=2); mplot3d does not clip by itself."""
+    x, y = points[:, 0], points[:, 1]
+    return (x >= X_RANGE[0]) & (x <= X_RANGE[1]) & (y >= Y_RANGE[0]) & (y <= Y_RANGE[1])
 
 
 def _draw_scan(panel, points: np.ndarray) -> None:
@@ -47,13 +57,12 @@ def _draw_track(panel, track: Objects, color: str) -> None:
     strokes = [corners[list(edge)] for corners in box_corners(shown.boxes) for edge in EDGES]
     panel.add_collection3d(Line3DCollection(strokes, colors=color, linewidths=0.8))
     x, y, z = track.boxes[-1, :3]
-    if 0 <= x <= 70 and abs(y) <= 30:
-        panel.text(x, y, z + 2, str(track.track_id[0]), color=color, fontsize=8)
+    panel.text(x, y, z + 2, str(track.track_id[0]), color=color, fontsize=8)
 
 
 def _axes(panel) -> None:
-    panel.set_xlim(0, 70)
-    panel.set_ylim(-25, 25)
+    panel.set_xlim(*X_RANGE)
+    panel.set_ylim(*Y_RANGE)
     panel.set_zlim(-3, 6)
     panel.set_box_aspect((70, 50, 9), zoom=1.3)
     panel.view_init(elev=38, azim=-150)
