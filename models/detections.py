@@ -16,16 +16,16 @@ from tf_ops import box_iou_3d
 
 @dataclass(frozen=True)
 class DecodingConfig:
-    """How boxes are made from points; thresholds chosen on simulated training sequences."""
+    """How boxes are made from points; chosen on simulated scans of 0011, a training sequence."""
 
-    min_probability: float = note(0.3, "foreground probability of a point that proposes a box")
+    min_probability: float = note(0.4, "foreground probability of a point that proposes a box")
     cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
-    proposals_per_cell: int = note(12, "the most probable ones of each cell stay")
+    proposals_per_cell: int = note(40, "the most probable ones of each cell stay")
     max_proposals: int = note(600, "of a frame")
-    nms_iou: float = note(0.1, "bird's-eye boxes that overlap more belong to the same object")
+    nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
-    doubt: float = note(1.0, "proposals against every box, so that lonely ones score less")
-    min_score: float = note(0.1, "of a box that is kept")
+    doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
+    min_score: float = note(0.25, "of a box that is kept")
     max_boxes: int = note(64, "M")
 
 
