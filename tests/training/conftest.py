@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
 
-from tiny_kitti import write_sequence
+from two_cars import write_sequence
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from network_cases import SMALL_DETECTOR
-from tiny_kitti import boxes_at, write_sequence
+from two_cars import boxes_at, write_sequence
 
 from common.errors import InputError
 from kitti.boxes import points_in_boxes
