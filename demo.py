@@ -36,13 +36,16 @@ def parse_config(argv: Sequence[str] | None = None) -> DemoConfig:
     add("--seqs", help="of --data_root, such as 0000 or 0016-0020")
     add("--displacements", type=parse_displacements, default="0,2", help="metres; 0 comes first")
     add("--iou", type=flags.finite_float, default=default.iou, help="least 3-D IoU of a match")
-    add("--score_threshold", help="least mean score of a track (default: none)")
+    add(
+        "--score_threshold",
+        default=str(default.score_threshold),
+        help="least mean score of a track, or best",
+    )
     args = parser.parse_args(argv)
     if (args.data_root is None) != (args.seqs is None):
         raise InputError("--data_root and --seqs go together")
     if args.data_root is not None and (args.sequences or args.frames):
         raise InputError("--sequences and --frames are for simulated data: leave out --data_root")
-    threshold = args.score_threshold
     return DemoConfig(
         out=args.out,
         weights=args.weights,
@@ -52,7 +55,7 @@ def parse_config(argv: Sequence[str] | None = None) -> DemoConfig:
         seqs=() if args.seqs is None else tuple(parse_sequences(args.seqs)),
         displacements=args.displacements,
         iou=args.iou,
-        score_threshold=None if threshold is None else parse_threshold(threshold),
+        score_threshold=parse_threshold(args.score_threshold),
     )
 
 

@@ -47,7 +47,7 @@ def association(view: Neighborhood, previous_boxes, current_boxes, title: str = 
     left.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, label="$p_i^{t-1}$")
     right.scatter(
         group[:, 0], group[:, 1], s=30, color=CURRENT_COLOR,
-        label=f"its {len(view.group)} nearest points within {view.radius:g} m",
+        label=f"its nearest points, up to {len(view.group)} within {view.radius:g} m",
     )  # fmt: skip
     right.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, marker="x", label="where it was")
     right.add_patch(Circle(point[:2], view.radius, fill=False, linestyle="--", color="0.5"))
