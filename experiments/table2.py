@@ -21,6 +21,7 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, positive_int, run
 from common.progress import Progress
 from common.provenance import provenance
+from kitti.scans import sample_points
 
 PAPER = {  # seconds; Table II, GTX 1080 Ti
     (15000, 5000): 0.099,
@@ -117,7 +118,8 @@ def detector_times(scans: list[np.ndarray], repeats: int) -> dict[str, float]:
 
     config, batch = DetectorConfig(), 8
     rng = np.random.default_rng(0)
-    xyz = np.stack([_sampled(scans[i % len(scans)], config.num_points, rng) for i in range(batch)])
+    chosen = [scans[i % len(scans)] for i in range(batch)]
+    xyz = np.stack([p[sample_points(p, config.num_points, rng)] for p in chosen])
     make_inputs = tf.function(lambda x: detector_inputs(x, config), jit_compile=False)
     inputs = make_inputs(xyz)
     times = {"index pyramid": median_seconds(lambda: make_inputs(xyz), repeats) / batch}
@@ -148,13 +150,6 @@ def detector_times(scans: list[np.ndarray], repeats: int) -> dict[str, float]:
         operations / times["ours forward"] / rate
     )
     return times
-
-
-def _sampled(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    rows = rng.permutation(len(points))[:count]
-    if len(rows) < count:
-        rows = np.concatenate([rows, rng.integers(0, len(points), count - len(rows))])
-    return points[rows].astype(np.float32)
 
 
 def stream_times(scans, repeats: int) -> dict[tuple[int, int], float]:
