@@ -17,6 +17,11 @@ from training.frames import FrameReader, frame_list
 from training.samples import DetectorSample, make_detector_sample, no_augmentation
 
 
+# The focal loss of the mask is divided by the number of foreground points, as its paper divides by
+# the matched anchors; below this share of all points (a batch without vehicles) by that share.
+LEAST_FOREGROUND = 0.01
+
+
 class DetectorBatch(NamedTuple):
     """What a training step of the detector takes."""
 
@@ -36,7 +41,7 @@ class DetectorTask:
     """The detector graph with its losses, equations (2) to (4)."""
 
     kind = "detector"
-    best_figure, best_is_largest = "box_recall_0.5", True
+    best_figure, best_is_largest = "box_f1_0.5", True
 
     def __init__(self, config: DetectorTrainingConfig, sequences, validation):
         self.config, self.schedule = config, config.schedule
@@ -75,9 +80,13 @@ class DetectorTask:
         """Every term by name and their weighted sum as "loss"; shares of the joint batch."""
         sample = batch.sample
         outputs = self.model(batch.inputs, training=training)
-        mask_sum, box_sum = joint(
-            tf.reduce_sum(sample.mask_weights), tf.reduce_sum(sample.box_weights)
+        foreground = tf.cast(sample.foreground, tf.float32) * sample.mask_weights
+        all_sum, foreground_sum, box_sum = joint(
+            tf.reduce_sum(sample.mask_weights),
+            tf.reduce_sum(foreground),
+            tf.reduce_sum(sample.box_weights),
         )
+        mask_sum = tf.maximum(foreground_sum, LEAST_FOREGROUND * all_sum)
         terms = detection_losses(
             outputs.boxes,
             sample.targets,
@@ -116,4 +125,5 @@ class DetectorTask:
             "mask_iou": both / max(either, 1.0),
             "box_recall_0.5": hits / max(boxes, 1.0),
             "box_precision_0.5": hits / max(found, 1.0),
+            "box_f1_0.5": 2 * hits / max(boxes + found, 1.0),
         }
