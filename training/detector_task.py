@@ -16,7 +16,6 @@ from training.config import DetectorTrainingConfig
 from training.frames import FrameReader, frame_list
 from training.samples import DetectorSample, make_detector_sample, no_augmentation
 
-
 # The focal loss of the mask is divided by the number of foreground points, as its paper divides by
 # the matched anchors; below this share of all points (a batch without vehicles) by that share.
 LEAST_FOREGROUND = 0.01
