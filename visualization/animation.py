@@ -12,7 +12,17 @@ from PIL import Image
 
 from common.files import atomic_path
 from visualization.clip import Clip
-from visualization.drawing import TRUTH, birds_eye_axes, draw_boxes, draw_trails, id_color
+from visualization.drawing import (
+    TEXT,
+    TRUTH,
+    birds_eye_axes,
+    box_handle,
+    draw_boxes,
+    draw_trails,
+    id_color,
+    label,
+    legend_below,
+)
 
 TRAIL = 20  # frames
 COLORS = 96  # of the GIF's palette
@@ -24,12 +34,16 @@ class Stage:
 
     def __init__(self, clip: Clip, title: str):
         self.clip, self.title = clip, title
-        self.figure = Figure(figsize=(7.6, 6.0), dpi=90, layout="constrained")
+        self.figure = Figure(figsize=(6.4, 6.1), dpi=100, layout="constrained")
         self.canvas = FigureCanvasAgg(self.figure)
         self.panel = self.figure.subplots()
         birds_eye_axes(self.panel)
         (self.points,) = self.panel.plot([], [], ".", color="0.65", markersize=0.5, zorder=1)
         self.passing = []
+        handles = [box_handle("0.2", "PointTrackNet, one colour per id", linewidth=1.8)]
+        if len(clip.truth):
+            handles.append(box_handle(TRUTH, "truth", linewidth=1.2, linestyle=":"))
+        legend_below(self.figure, handles)
 
     def draw(self, t: int) -> None:
         """Shows frame t."""
@@ -41,17 +55,15 @@ class Stage:
         colors = [id_color(i) for i in found.track_id.tolist()]
         trails = clip.trails(clip.results, t, TRAIL)
         self.passing = [
-            draw_boxes(panel, clip.truth.at(t).boxes, TRUTH, linewidth=0.8, linestyle=":"),
-            draw_boxes(panel, found.boxes, colors, linewidth=1.5, zorder=3),
+            draw_boxes(panel, clip.truth.at(t).boxes, TRUTH, linewidth=1.2, linestyle=":"),
+            draw_boxes(panel, found.boxes, colors, linewidth=1.8, zorder=3),
             draw_trails(panel, trails, id_color, linewidth=1.0, zorder=3),
             *(
-                panel.text(
-                    box[0], box[1] + 1.6, str(i), color=color, fontsize=9, clip_on=True, zorder=4
-                )
+                label(panel, box[0], box[1] + 1.6, str(i), color=color, zorder=4)
                 for i, box, color in zip(found.track_id.tolist(), found.boxes, colors, strict=True)
             ),
         ]
-        panel.set_title(f"{self.title}, frame {t}")
+        panel.set_title(f"{self.title}, frame {t}", fontsize=TEXT + 1)
 
     def image(self) -> Image.Image:
         """What is shown, with few colours."""

@@ -8,7 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, ConnectionPatch
 
-from visualization.drawing import birds_eye_axes, draw_boxes
+from visualization.drawing import (
+    TEXT,
+    birds_eye_axes,
+    box_handle,
+    draw_boxes,
+    legend_below,
+    line_handle,
+)
 
 PREVIOUS_COLOR, CURRENT_COLOR = "tab:red", "tab:blue"
 
@@ -28,7 +35,7 @@ def association(view: Neighborhood, previous_boxes, current_boxes, title: str = 
 
     previous_boxes, current_boxes: (M, 7) true boxes of the two frames, level frame, for context.
     """
-    figure = Figure(figsize=(11, 6), layout="constrained")
+    figure = Figure(figsize=(8.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     point, group = view.previous[view.chosen], view.current[np.unique(view.group)]
     reach = view.radius * 1.6
@@ -43,19 +50,27 @@ def association(view: Neighborhood, previous_boxes, current_boxes, title: str = 
         birds_eye_axes(
             panel, (point[0] - reach, point[0] + reach), (point[1] - reach, point[1] + reach)
         )
-        panel.set_title(name)
-    left.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, label="$p_i^{t-1}$")
-    right.scatter(
-        group[:, 0], group[:, 1], s=30, color=CURRENT_COLOR,
-        label=f"its nearest points, up to {len(view.group)} within {view.radius:g} m",
-    )  # fmt: skip
-    right.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, marker="x", label="where it was")
+        panel.set_title(name, fontsize=TEXT)
+    right.set_ylabel("")  # as on the left; the lines to the group pass here
+    left.scatter(*point[:2], s=60, color=PREVIOUS_COLOR)
+    right.scatter(group[:, 0], group[:, 1], s=30, color=CURRENT_COLOR)
+    right.scatter(*point[:2], s=60, color=PREVIOUS_COLOR, marker="x")
     right.add_patch(Circle(point[:2], view.radius, fill=False, linestyle="--", color="0.5"))
     for neighbor in group:
         ends = {"xyA": point[:2], "xyB": neighbor[:2], "axesA": left, "axesB": right}
         line = ConnectionPatch(coordsA="data", coordsB="data", **ends, linewidth=0.4, alpha=0.3)
         figure.add_artist(line)
-    for panel in (left, right):
-        panel.legend(loc="upper left", fontsize=8)
-    figure.suptitle(title)
+    legend_below(figure, _handles(view))
+    figure.suptitle(title, fontsize=TEXT + 1)
     return figure
+
+
+def _handles(view: Neighborhood) -> list:
+    dot, cross = ({"linestyle": "none", "marker": m, "markersize": 8} for m in "ox")
+    near = f"its nearest points, up to {len(view.group)} within {view.radius:g} m"
+    return [
+        line_handle(PREVIOUS_COLOR, "a point of frame A, $p_i^{t-1}$", **dot),
+        line_handle(PREVIOUS_COLOR, "where it was, in frame B", **cross),
+        line_handle(CURRENT_COLOR, near, **dot),
+        box_handle("0.6", "true vehicles"),
+    ]

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from visualization.clip import Clip
 from visualization.drawing import (
     FOUND,
+    TEXT,
     TRUTH,
     birds_eye_axes,
+    box_handle,
     draw_boxes,
     draw_points,
     draw_trails,
+    label,
+    legend_below,
+    line_handle,
 )
 
 TRAIL = 30  # frames: 3 s
@@ -23,7 +27,7 @@ def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
 
     Where poses are known the sensor's own motion is taken out, so that parked cars stand still.
     """
-    figure = Figure(figsize=(10, 7.6), layout="constrained")
+    figure = Figure(figsize=(7.2, 6.9), layout="constrained")
     panel = figure.subplots()
     draw_points(panel, clip.scan(t))
     truth, found = clip.truth.at(t), clip.results.at(t)
@@ -34,17 +38,19 @@ def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
     draw_boxes(panel, found.boxes, FOUND, linewidth=1.2, zorder=3)
     draw_trails(panel, clip.trails(clip.results, t, TRAIL), FOUND, linewidth=1.0, zorder=3)
     for track_id, box in zip(found.track_id.tolist(), found.boxes, strict=True):
-        panel.annotate(
-            str(track_id), (box[0], box[1] + 1.6), color=FOUND, fontsize=8, clip_on=True, zorder=4
-        )
+        label(panel, box[0], box[1] + 1.6, str(track_id), color=FOUND, zorder=4)
     birds_eye_axes(panel)
-    handles = [Line2D([], [], color=FOUND, linewidth=1.2, label="PointTrackNet, with ids")]
+    handles = _handles(FOUND, "PointTrackNet, with ids", "-", 1.2)
     if len(clip.truth):
-        handles.append(
-            Line2D(
-                [], [], color=TRUTH, linestyle=":", linewidth=2.2, label="truth, dotted: its way"
-            )
-        )
-    panel.legend(handles=handles, loc="upper left")
-    panel.set_title(title or f"sequence {clip.name}, frame {t}")
+        handles += _handles(TRUTH, "truth", ":", 2.2)
+    legend_below(figure, handles)
+    panel.set_title(title or f"sequence {clip.name}, frame {t}", fontsize=TEXT + 1)
     return figure
+
+
+def _handles(color: str, name: str, linestyle: str, width: float) -> list:
+    way = "its way in the last 3 s"
+    return [
+        box_handle(color, name, linewidth=width),
+        line_handle(color, way, linestyle=linestyle, linewidth=width),
+    ]

@@ -8,9 +8,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kitti.boxes import points_in_boxes
-from visualization.drawing import FOUND, birds_eye_axes, draw_boxes, draw_points
+from visualization.drawing import (
+    FOUND,
+    TEXT,
+    birds_eye_axes,
+    box_handle,
+    draw_boxes,
+    draw_points,
+    legend_below,
+    line_handle,
+)
 
 FILTERED_COLOR, PLAIN_COLOR = "tab:green", "tab:red"
+X_RANGE, Y_RANGE = (0.0, 66.0), (-22.0, 22.0)  # metres; what lies outside is left out
 
 
 class Samplings(NamedTuple):
@@ -22,23 +32,32 @@ class Samplings(NamedTuple):
 
 
 def sampling(samplings: Samplings, points: np.ndarray, boxes: np.ndarray, title="") -> Figure:
-    """A panel per layer: green after the filter, red without it, blue the true boxes.
+    """A panel per layer, one below the other: green after the filter, red without it.
+
+    A point that both keep is green with a red rim. The true boxes are blue.
 
     points: (n, >=3) the scan, behind both; boxes: (M, 7), level frame.
     """
     count = len(samplings.layers)
-    figure = Figure(figsize=(7 * count, 6.4), layout="constrained")
-    panels = figure.subplots(1, count, squeeze=False)[0]
+    figure = Figure(figsize=(7.2, 5.2 * count + 0.6), layout="constrained")
+    panels = figure.subplots(count, 1, squeeze=False)[:, 0]
     for panel, name, filtered, plain in zip(panels, *samplings, strict=True):
         draw_points(panel, points, color="0.82", size=0.3)
-        size = 2.6 if len(plain) > 200 else 7.0
-        draw_points(panel, plain, PLAIN_COLOR, size, label="farthest points of the whole scan")
-        draw_points(panel, filtered, FILTERED_COLOR, size, label="after the probability filter")
+        size = 2.6 if len(plain) > 200 else 9.0
+        draw_points(panel, plain, PLAIN_COLOR, 1.5 * size)
+        draw_points(panel, filtered, FILTERED_COLOR, size)
         draw_boxes(panel, boxes, FOUND, linewidth=1.4, zorder=3)
-        birds_eye_axes(panel)
-        panel.set_title(f"{name}: {len(plain)} points")
-    panels[0].legend(loc="upper left", markerscale=3)
-    figure.suptitle(title)
+        birds_eye_axes(panel, X_RANGE, Y_RANGE)
+        panel.set_title(f"{name}: {len(plain)} points", fontsize=TEXT)
+    dots = {"linestyle": "none", "marker": "."}
+    handles = [
+        line_handle(PLAIN_COLOR, "farthest points of the whole scan", markersize=14, **dots),
+        line_handle(FILTERED_COLOR, "after the probability filter", markersize=10, **dots),
+    ]
+    if len(boxes):
+        handles.append(box_handle(FOUND, "true vehicles", linewidth=1.4))
+    legend_below(figure, handles)
+    figure.suptitle(title, fontsize=TEXT + 1)
     return figure
 
 

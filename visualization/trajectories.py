@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from kitti.boxes import box_corners
 from kitti.labels import Objects
 from visualization.clip import Clip
-from visualization.drawing import EDGES, id_color
+from visualization.drawing import EDGES, TEXT, id_color, label
 
 BOX_EVERY = 10  # frames between two drawn boxes of a track
 MAX_POINTS = 6000  # of the scan behind the tracks
@@ -23,7 +23,7 @@ def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -
 
     Everything is drawn in the sensor's frame at each moment, as the paper does.
     """
-    figure = Figure(figsize=(11, 6.2 * len(clips)), layout="constrained")
+    figure = Figure(figsize=(7.6, 5.6 * len(clips)), layout="constrained")
     for row, (clip, title) in enumerate(zip(clips, titles, strict=True)):
         panel = figure.add_subplot(len(clips), 1, row + 1, projection="3d")
         last = clip.num_frames - 1
@@ -35,7 +35,7 @@ def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -
         for track_id in np.unique(tracks.track_id):
             _draw_track(panel, tracks[tracks.track_id == track_id], id_color(int(track_id)))
         _axes(panel)
-        panel.set_title(f"{title} ({len(np.unique(tracks.track_id))} ids)")
+        panel.set_title(f"{title} ({len(np.unique(tracks.track_id))} ids)", fontsize=TEXT + 1)
     return figure
 
 
@@ -57,15 +57,15 @@ def _draw_track(panel, track: Objects, color: str) -> None:
     strokes = [corners[list(edge)] for corners in box_corners(shown.boxes) for edge in EDGES]
     panel.add_collection3d(Line3DCollection(strokes, colors=color, linewidths=0.8))
     x, y, z = track.boxes[-1, :3]
-    panel.text(x, y, z + 2, str(track.track_id[0]), color=color, fontsize=8)
+    label(panel, x, y, z + 2, str(track.track_id[0]), color=color, zorder=10)
 
 
 def _axes(panel) -> None:
     panel.set_xlim(*X_RANGE)
     panel.set_ylim(*Y_RANGE)
     panel.set_zlim(-3, 6)
-    panel.set_box_aspect((70, 50, 9), zoom=1.3)
-    panel.view_init(elev=38, azim=-150)
-    panel.set_xlabel("x forward (m)")
-    panel.set_ylabel("y left (m)")
+    panel.set_box_aspect((70, 50, 9), zoom=1.25)
+    panel.view_init(elev=48, azim=-125)
+    panel.set_xlabel("x forward (m)", fontsize=TEXT)
+    panel.set_ylabel("y left (m)", fontsize=TEXT)
     panel.set_zticks([])
