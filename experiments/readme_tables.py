@@ -4,7 +4,8 @@
     python -m experiments.readme_tables --check  fail if README.md differs from them
 
 In README.md a table stands between `<!-- table: NAME -->` and `<!-- end -->`; it is what
-docs/tables/NAME.md holds, without its title. A table that was not made yet leaves a sentence.
+docs/tables/NAME.md holds, without its title. Where that file is not there, one line says which
+experiment makes it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def filled(readme: str, tables: Path) -> str:
 
 def _table(path: Path) -> str:
     if not path.is_file():
-        return f"*(docs/tables/{path.name} has not been made yet.)*\n"
+        return f"No figures here yet: `python -m experiments.{path.stem}` measures them.\n"
     lines = path.read_text(encoding="utf-8").splitlines()
     lines = [line for line in lines if not line.startswith("# ")]
     lines = [f"**{line[3:]}**" if line.startswith("## ") else line for line in lines]

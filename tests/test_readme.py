@@ -35,9 +35,16 @@ def test_a_table_is_put_in_and_its_title_left_out(tmp_path):
     )
     expected = "before\n<!-- table: a-b -->\n| x |\n|---|\n| 1 |\n\n**Part**\n<!-- end -->\n"
     assert filled(text, tmp_path).startswith(expected)
-    assert "none.md has not been made yet" in filled(text, tmp_path)
+    assert "No figures here yet: `python -m experiments.none` measures them." in filled(
+        text, tmp_path
+    )
     with pytest.raises(InputError, match="expected <!-- end -->"):
         filled("<!-- table: a -->\n", tmp_path)
+
+
+def test_a_table_that_is_not_there_names_an_experiment():
+    for name in re.findall(r"No figures here yet: `python -m experiments\.(\w+)`", README):
+        assert (ROOT / "experiments" / f"{name}.py").is_file()
 
 
 def test_links_and_pictures_exist():
