@@ -40,6 +40,7 @@ from training.command_line import configured, open_data, train
 from training.config import TrackerTrainingConfig
 
 DISTANCES = (0.0, 2.0)
+MOTION = ("points", "foreground", "displacement")  # of `BoxSource`: what the tracker graph says
 BOXES = {NETWORK: "network boxes", GROUND_TRUTH: "true boxes"}
 
 
@@ -156,7 +157,7 @@ class TrueBoxes:
         """See `BoxSource.frames`."""
         pairs = zip(self.labelled.frames(scene), self.recorded.frames(scene), strict=True)
         for (t, boxes, scores, extras), (*_, network) in pairs:
-            moved = {key: network[key] for key in ("points", "displacement") if key in network}
+            moved = {key: network[key] for key in MOTION if key in network}
             yield t, boxes, scores, {**extras, **moved}
 
 
