@@ -52,7 +52,7 @@ class NetworkBoxes:
                 _, boxes, scores, extras = next(given)
             extras = {**extras, "appearance": pooled_appearance(state, boxes)}
             if previous is not None:
-                extras["points"] = previous.points
+                extras["points"], extras["foreground"] = previous.points, previous.foreground
                 extras["displacement"] = self.network.displacement(previous, state)
             yield t, boxes, scores, extras
             previous = state

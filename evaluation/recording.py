@@ -24,7 +24,7 @@ from common.provenance import ROOT
 from evaluation.scene import Scene
 from evaluation.sources import BoxSource, Detected
 
-FORMAT = 1
+FORMAT = 2
 SOURCES = ("models/*.py", "evaluation/network.py", "evaluation/recording.py")
 """The code whose outputs are recorded."""
 
@@ -100,6 +100,7 @@ class RecordedNetwork:
             if t:
                 part = slice(points[t], points[t + 1])
                 extras["points"] = arrays["points"][part]
+                extras["foreground"] = arrays["foreground"][part]
                 extras["displacement"] = arrays["displacement"][part]
             yield t, arrays["boxes"][rows], arrays["scores"][rows], extras
 
@@ -157,6 +158,7 @@ def _write(path: Path, frames: list[Detected], seconds: list[list[float]]) -> No
             appearance=_same_width([extra["appearance"] for extra in extras]),
             point_count=[len(part) for part in points],
             points=np.concatenate(points),
+            foreground=np.concatenate([extra.get("foreground", nothing[:, 0]) for extra in extras]),
             displacement=np.concatenate([extra.get("displacement", nothing) for extra in extras]),
             seconds=np.array(seconds).reshape(-1, 2),
         )

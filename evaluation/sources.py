@@ -27,7 +27,8 @@ class BoxSource(Protocol):
         `extras` holds what comes along with the boxes:
             types: (M,) class names (always).
             points: (n, 3) points of frame t-1, level frame; displacement: (n, 3) their predicted
-                movement to frame t, metres (needed by the tracker `pointtracknet`).
+                movement to frame t, metres; foreground: (n,) their foreground probability (needed
+                by the tracker `pointtracknet`).
             appearance: (M, C) a vector per box (used by `deep_sort` if present).
             label_ids: (M,) ids where the boxes are labels (spares `gt_displacement` finding them).
         """

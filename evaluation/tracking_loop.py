@@ -11,7 +11,13 @@ from evaluation.scene import Scene
 from evaluation.sources import BoxSource
 from kitti.boxes import project_boxes
 from kitti.labels import Objects
-from tracking import TrueDisplacement, assign_label_ids, geometric_appearance, make_tracker
+from tracking import (
+    TrueDisplacement,
+    assign_label_ids,
+    foreground_motion,
+    geometric_appearance,
+    make_tracker,
+)
 
 NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D figures off
 
@@ -121,4 +127,6 @@ class Cues:
         return {} if motions is None else {"ego_motion": motions[t]}
 
     def _predicted_motion(self, _t, _boxes, extras):
-        return {key: extras.get(key) for key in ("points", "displacement")}
+        if "points" not in extras:
+            return {}
+        return foreground_motion(extras["points"], extras["displacement"], extras["foreground"])

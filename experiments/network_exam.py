@@ -25,10 +25,11 @@ from evaluation.recording import RecordedNetwork
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_recorded
 from kitti.boxes import points_in_boxes
+from kitti.ground import fit_ground
 from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.splits import parse_sequences
-from kitti.targets import association_displacement
+from kitti.targets import association_displacement, foreground_labels
 from tracking.assignment import greedy
 
 MIN_IOUS = (0.25, 0.5)
@@ -64,7 +65,7 @@ def box_counts(scene: Scene, recorded: RecordedNetwork, min_score: float) -> dic
 
 
 def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
-    """(P,) metres: error of the displacement at every kept point in a labelled vehicle."""
+    """(P,) metres: error of the displacement at every kept foreground point (ground left out)."""
     errors = [np.zeros(0)]
     for t, _, _, extras in recorded.frames(scene):
         if not len(extras.get("points", ())):
@@ -74,7 +75,8 @@ def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
         truth, valid = association_displacement(
             before.boxes, before.track_id, now.boxes, now.track_id
         )
-        owner = points_in_boxes(extras["points"], before.boxes)
+        ground = fit_ground(scene.points(t - 1))
+        owner = foreground_labels(extras["points"], before.boxes, ground)
         inside = (owner >= 0) & np.append(valid, False)[owner]
         errors.append(np.linalg.norm(extras["displacement"][inside] - truth[owner[inside]], axis=1))
     return np.concatenate(errors)

@@ -7,16 +7,18 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from kitti.scans import sample_points
 from models.detections import DecodingConfig, Detections, decode_detections
 from models.detector import Detector, detector_inputs
 from models.probability_filter import foreground_probability
-from models.tracker import EncodedFrame, Tracker, tracker_inputs
+from models.tracker import EncodedFrame, Tracker, kept_rows, tracker_inputs
 
 
 class FrameState(NamedTuple):
     """What one frame leaves behind for the next."""
 
     points: np.ndarray  # (N', 3) float32 level frame: the kept points
+    foreground: np.ndarray  # (N',) float32: foreground probability of the kept points
     features: np.ndarray  # (N', C) float32: their features (pooled for appearance)
     detections: Detections
     probability: np.ndarray  # (N,) foreground probability of the sampled points
@@ -44,18 +46,19 @@ class StreamingNetwork:
     def _detect_graph(self, xyz):
         inputs = detector_inputs(xyz, self.detector.config)
         outputs = self.detector(inputs, training=False)
-        frame = tracker_inputs(inputs, outputs, self.tracker.config)
-        return outputs.boxes, frame, self.tracker.encode(frame)
+        config, probability = self.tracker.config, foreground_probability(outputs.boxes.mask_logits)
+        frame = tracker_inputs(inputs, outputs, config)
+        kept = tf.gather(probability, kept_rows(inputs, outputs, config), batch_dims=1)
+        return outputs.boxes, probability, frame, kept, self.tracker.encode(frame)
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
-        """(n, >=3) points -> (1, N, 3) chosen by seed and t; repeats where n < N."""
-        wanted = self.detector.config.num_points
+        """(n, >=3) points -> (1, N, 3) chosen by seed and t; repeats where n < N.
+
+        In random order, as in training: a ball query takes the first points it finds.
+        """
         rng = np.random.default_rng([self.seed, t])
-        count = len(points)
-        rows = rng.permutation(count)[:wanted]
-        if count < wanted:
-            rows = np.concatenate([rows, rng.integers(0, count, wanted - count)])
-        return np.ascontiguousarray(points[np.sort(rows), :3], np.float32)[None]
+        rows = sample_points(points, self.detector.config.num_points, rng)
+        return np.ascontiguousarray(points[rows, :3], np.float32)[None]
 
     def detect(self, points: np.ndarray, t: int = 0) -> FrameState:
         """The detector's pass over one scan.
@@ -78,14 +81,14 @@ class StreamingNetwork:
         if not len(points):
             return _nothing()
         xyz = self.sample(points, t)
-        predictions, frame, encoded = self._detect(xyz)
+        predictions, probability, frame, kept, encoded = self._detect(xyz)
         detections = decode_detections(xyz, predictions, self.detector.config.box, self.decoding)
-        probability = foreground_probability(predictions.mask_logits).numpy()[0]
         return FrameState(
             frame.xyz.numpy()[0],
+            kept.numpy()[0],
             frame.features.numpy()[0],
             detections[0],
-            probability,
+            probability.numpy()[0],
             xyz[0],
             encoded,
         )
@@ -98,8 +101,6 @@ class StreamingNetwork:
 
 
 def _nothing() -> FrameState:
-    empty = np.zeros((0, 3), np.float32)
-    none = Detections(np.zeros((0, 7), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32))
-    return FrameState(
-        empty, np.zeros((0, 1), np.float32), none, np.zeros(0, np.float32), empty, None
-    )
+    empty, nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    none = Detections(np.zeros((0, 7), np.float32), nothing, np.zeros(0, np.int32))
+    return FrameState(empty, nothing, empty[:, :1], none, nothing, empty, None)

@@ -30,7 +30,9 @@ class ScriptedNetwork:
         box = np.array([[10.0, 0, 0, 4, 1.8, 1.5, 0]]) + np.pad(SPEED * t, (0, 4))
         count = min(len(points), 1)
         detections = Detections(box[:count], np.ones(count), np.ones(count, np.int32))
-        return SimpleNamespace(points=box[:count, :3], detections=detections)
+        return SimpleNamespace(
+            points=box[:count, :3], foreground=np.ones(count), detections=detections
+        )
 
     def displacement(self, previous, current):
         return np.tile(SPEED, (len(previous.points), 1))

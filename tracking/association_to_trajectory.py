@@ -18,6 +18,8 @@ from tracking.assignment import greedy
 from tracking.interface import BoxDisplacement, Tracks, check_boxes, check_rows
 from tracking.life_cycle import LifeCycle, Track
 
+FOREGROUND = 0.5  # probability from which the mask calls a point foreground
+
 
 @dataclass(frozen=True)
 class AssociationParameters:
@@ -113,6 +115,22 @@ class AssociationToTrajectory:
     def _is_shown(self, track: Track) -> bool:
         present = track.detection >= 0 or self.parameters.report_lost
         return present and track.hits >= self.parameters.min_hits
+
+
+def foreground_motion(
+    points: np.ndarray, displacement: np.ndarray, probability: np.ndarray
+) -> dict[str, np.ndarray]:
+    """`points` and `displacement` of `update`, without the points that the mask calls background.
+
+    The probability filter keeps N' points of which most are background, the ground within a box
+    among them; their displacement is trained towards 0 and would slow every box down.
+
+    Args:
+        points: (n, >=3) kept points of frame t-1; displacement: (n, 3) metres.
+        probability: (n,) of being foreground.
+    """
+    rows = np.asarray(probability) >= FOREGROUND
+    return {"points": points[rows], "displacement": displacement[rows]}
 
 
 def mean_displacement(

@@ -7,7 +7,7 @@ import pytest
 
 from common.errors import InputError
 from tracking import make_tracker
-from tracking.association_to_trajectory import mean_displacement
+from tracking.association_to_trajectory import foreground_motion, mean_displacement
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 2.0, 1.5, 0.0])
 
@@ -154,3 +154,13 @@ def test_bad_points_are_refused(points, displacement, message):
 def test_points_without_displacement_are_refused():
     with pytest.raises(InputError, match="displacement"):
         step(make_tracker("pointtracknet"), cars(0.0), points=np.zeros((2, 3)))
+
+
+def test_background_points_do_not_slow_a_box_down():
+    """Foreground moves by 2 m; the ground within the box is kept, and trained towards 0."""
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 0, -0.7]])
+    displacement = np.array([[2.0, 0, 0], [2.0, 0, 0], [0.0, 0, 0]])
+    motion = foreground_motion(points, displacement, np.array([0.9, 0.5, 0.1]))
+    box = np.array([[0.0, 0, 0, 4, 2, 1.5, 0]])
+    np.testing.assert_array_equal(mean_displacement(boxes=box, **motion), [[2.0, 0, 0]])
+    assert mean_displacement(points, displacement, box)[0, 0] == pytest.approx(4 / 3)

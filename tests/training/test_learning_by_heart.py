@@ -72,7 +72,7 @@ def mota(sequence, frames) -> float:
         before = now
     truth = Objects.concatenate([sequence.objects.at(t) for t in range(len(frames))])
     entry = Entry("0000", len(frames), truth, Objects.concatenate(rows))
-    return evaluate_protocol("clear3d", [entry])["overall"]["mota"]
+    return evaluate_protocol("clear3d", [entry])["overall"]["MOTA"]
 
 
 @pytest.mark.slow
