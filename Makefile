@@ -4,6 +4,8 @@ VENV   := .venv
 PY     := $(VENV)/bin/python
 STAMP  := $(VENV)/requirements.stamp
 PYTEST_FLAGS ?= -n 2 --dist worksteal
+CLANG_FORMAT := $(VENV)/bin/clang-format
+CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
 
 .DEFAULT_GOAL := all
 .PHONY: all venv ops bench sanitize demo test test-fast lint format clean
@@ -29,6 +31,7 @@ bench: ops
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt
 	$(PY) -m tf_ops.bench table
 	$(PY) -m tf_ops.bench growth
+	$(PY) -m tf_ops.bench readme
 
 sanitize: $(STAMP)
 	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY)) sanitize
@@ -42,10 +45,12 @@ test-fast: ops
 lint: $(STAMP)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(CLANG_FORMAT) --dry-run --Werror $(CPP)
 
 format: $(STAMP)
 	$(PY) -m ruff check --fix .
 	$(PY) -m ruff format .
+	$(CLANG_FORMAT) -i $(CPP)
 
 clean:
 	@$(MAKE) --no-print-directory -C tf_ops clean

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
+from tf_ops import load_library
 from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
+
+InvalidArgument = tf.errors.InvalidArgumentError
 
 EPSILON = 1e-3
 
@@ -81,6 +84,25 @@ def test_max_equals_tensorflow(groups, size):
         np.testing.assert_allclose(found, expected, rtol=2e-3, atol=5e-4)
 
 
+@pytest.mark.parametrize("argument", [0, 1, 2])
+@pytest.mark.parametrize("op", [batch_norm_relu, batch_norm_relu_max])
+def test_gradients_equal_differences(op, argument):
+    """Numeric gradients of x, gamma and beta; no value is closer than 0.2 to the ReLU's kink."""
+    rng = np.random.default_rng(3)
+    x = rng.permutation(24).reshape(4, 3, 2).astype(np.float32)
+    x = x if op is batch_norm_relu_max else x.reshape(12, 2)
+    arguments = [x, np.array([1.5, -0.7], np.float32), np.array([0.2, 0.13], np.float32)]
+    weight = rng.normal(size=(4, 2) if op is batch_norm_relu_max else (12, 2)).astype(np.float32)
+
+    def value(changed):
+        given = [changed if i == argument else a for i, a in enumerate(arguments)]
+        return op(*given, EPSILON)[0] * weight
+
+    analytic, numeric = tf.test.compute_gradient(value, [arguments[argument]], delta=0.01)
+    assert np.abs(analytic[0]).max() > 0.01
+    np.testing.assert_allclose(analytic[0], numeric[0], atol=1e-3)
+
+
 def test_results_do_not_depend_on_the_run():
     x, gamma, beta = inputs(20_000, 64)
     first, second = (batch_norm_relu(x, gamma, beta, EPSILON) for _ in range(2))
@@ -97,12 +119,47 @@ def test_empty():
     np.testing.assert_array_equal(variance, 0)
 
 
-def test_wrong_shapes_are_named():
+def test_empty_maximum():
+    one, zero = np.ones(3, np.float32), np.zeros(3, np.float32)
+    y, mean, _ = batch_norm_relu_max(np.zeros((0, 4, 3), np.float32), one, zero, EPSILON)
+    assert y.shape == (0, 3) and mean.numpy().tolist() == [0, 0, 0]
+    y, mean, _ = batch_norm_relu_max(np.zeros((2, 4, 0), np.float32), one[:0], one[:0], EPSILON)
+    assert y.shape == (2, 0) and mean.shape == (0,)
+
+
+def test_wrong_arguments_are_named():
     x, gamma, beta = inputs(4, 3)
-    with pytest.raises(tf.errors.InvalidArgumentError, match=r"must have shape \(C\) = \(3\)"):
+    with pytest.raises(InvalidArgument, match=r"input 1 must have shape \(C\) = \(3\)"):
         batch_norm_relu(x, gamma[:2], beta, EPSILON)
-    with pytest.raises((tf.errors.InvalidArgumentError, ValueError), match=r"rank 3|G, K, C"):
-        batch_norm_relu_max(x, gamma, beta, EPSILON)
+    with pytest.raises(InvalidArgument, match=r"input 2 must have shape \(C\) = \(3\)"):
+        batch_norm_relu_max(x[None], gamma, beta[:2], EPSILON)
+    with pytest.raises(InvalidArgument, match=r"\(R, C\), received \[1,4,3\]"):
+        batch_norm_relu(x[None], gamma, beta, EPSILON)
+    for wrong in (x, x[:, None][:, :0]):
+        with pytest.raises(InvalidArgument, match=r"\(G, K, C\) with K >= 1, received"):
+            batch_norm_relu_max(wrong, gamma, beta, EPSILON)
+    with pytest.raises(InvalidArgument, match="epsilon must not be negative"):
+        batch_norm_relu(x, gamma, beta, -1.0)
+
+
+def test_wrong_arguments_of_a_gradient_are_named():
+    """No Python function makes such a call; a saved graph can."""
+    x, gamma, beta = inputs(4, 3)
+    raw = load_library()
+    small = {"gamma": gamma, "beta": beta, "mean": gamma, "variance": beta**2}
+    with pytest.raises(InvalidArgument, match=r"grad must have shape \[4,3\], received \[2,3\]"):
+        raw.point_track_net_batch_norm_relu_grad(grad=x[:2], x=x, epsilon=EPSILON, **small)
+    place = np.zeros((1, 3), np.int32)
+    for grad, chosen, message in (
+        (x[:2], place, r"grad must have shape \[1,3\], received \[2,3\]"),
+        (x[:1], place[:, :2], r"place must have shape \[1,3\], received \[1,2\]"),
+        (x[:1], place + 4, r"place\[0, 0\] = 4 is not in \[0, 4\)"),
+        (x[:1], place - 1, r"place\[0, 0\] = -1 is not in \[0, 4\)"),
+    ):
+        with pytest.raises(InvalidArgument, match=message):
+            raw.point_track_net_batch_norm_relu_max_grad(
+                grad=grad, x=x[None], place=chosen, epsilon=EPSILON, **small
+            )
 
 
 def test_shapes_under_unknown_batch():

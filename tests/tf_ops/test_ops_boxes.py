@@ -131,6 +131,22 @@ def test_empty():
     assert points_in_boxes(np.zeros((0, 3)), some).shape == (0,)
     assert nms_3d(none, np.zeros(0), 0.5, 3).shape == (0,)
     assert box_iou_3d(np.zeros((0, 2, 7)), np.zeros((0, 3, 7))).shape == (0, 2, 3)
+    assert points_in_boxes(np.zeros((0, 5, 3)), np.zeros((0, 2, 7))).shape == (0, 5)
+
+
+def test_slivers_and_copies():
+    """Where rounding is at its worst: boxes without width, turned by quarters, or twice there."""
+    boxes = random_boxes(120)
+    boxes[1::4, 4] *= 1e-7
+    boxes[2::4, :6] = boxes[::4, :6]
+    boxes[3::4, 6] = np.arange(30) * np.pi / 2
+    boxes[3::4, :3] = np.round(boxes[3::4, :3])
+    for op in (box_iou_3d, box_iou_bev):
+        iou = op(boxes, boxes).numpy()
+        assert np.isfinite(iou).all() and iou.min() >= 0 and iou.max() <= 1
+        np.testing.assert_allclose(iou, iou.T, atol=1e-5)
+    expected = reference_iou(boxes[::4], boxes[2::4])[1]
+    np.testing.assert_allclose(box_iou_bev(boxes[::4], boxes[2::4]), expected, atol=2e-6)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

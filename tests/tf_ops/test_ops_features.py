@@ -7,7 +7,7 @@ import ops_reference as reference
 import pytest
 import tensorflow as tf
 
-from tf_ops import devices, gather_point, group_point, three_interpolate
+from tf_ops import devices, gather_point, group_point, load_library, three_interpolate
 
 InvalidArgument = tf.errors.InvalidArgumentError
 TYPES = (tf.float32, tf.float16, tf.bfloat16)
@@ -127,6 +127,29 @@ def test_index_out_of_range(bad):
         gather_point(points, index[..., 2])
 
 
+def test_index_into_nothing():
+    points = np.zeros((1, 0, 6), np.float32)
+    index, weight = np.zeros((1, 2, 3), np.int32), normal(1, 2, 3)
+    for call in (
+        lambda: group_point(points, index),
+        lambda: gather_point(points, index[..., 0]),
+        lambda: three_interpolate(points, index, weight),
+    ):
+        with pytest.raises(InvalidArgument, match=r"= 0 is not in \[0, 0\)"):
+            call()
+
+
+def test_index_out_of_range_in_a_gradient():
+    """No Python function makes such a call; a saved graph can."""
+    raw, index = load_library(), np.full((1, 2, 3), 4, np.int32)
+    with pytest.raises(InvalidArgument, match=r"index\[0, 0, 0\] = 4 is not in \[0, 4\)"):
+        raw.point_track_net_group_point_grad(grad=normal(1, 2, 3, 5), index=index, size=4)
+    with pytest.raises(InvalidArgument, match=r"index\[0, 0, 0\] = 4 is not in \[0, 4\)"):
+        raw.point_track_net_three_interpolate_grad(
+            points=normal(1, 4, 5), index=index, weight=normal(1, 2, 3), grad=normal(1, 2, 5)
+        )
+
+
 def test_wrong_shapes():
     with pytest.raises(InvalidArgument, match=r"\(B, N, C\) and index \(B, \.\.\.\), received"):
         group_point(normal(2, 4, 6), np.zeros((3, 5, 2), np.int32))
@@ -146,6 +169,7 @@ def test_empty(shape):
         tape.watch([points, weight])
         grouped = group_point(points, index)
         dense = three_interpolate(points, index, weight)
+    assert gather_point(points, index[..., 0]).shape == (batch, queries, channels)
     assert grouped.shape == (batch, queries, neighbours, channels)
     assert dense.shape == (batch, queries, channels)
     assert tape.gradient(grouped, points).shape == points.shape

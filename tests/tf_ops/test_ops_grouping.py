@@ -102,6 +102,7 @@ def test_neighbours_in_a_real_scan(kitti_root):
     rows = reference.squared_distances(xyz2, xyz1)
     for k in (3, 8, 64):
         np.testing.assert_array_equal(knn_point(k, xyz1, xyz2)[1], reference.smallest(k, rows)[0])
+    np.testing.assert_array_equal(three_nn(xyz2, xyz1)[1], reference.smallest(3, rows)[0])
 
 
 @pytest.mark.parametrize("columns", [1, 3, 100])
@@ -121,6 +122,11 @@ def test_select_top_k_matches_numpy(columns, k):
 def test_select_top_k_rejects_nan():
     with pytest.raises(InvalidArgument, match="nan at row 1, column 2"):
         select_top_k(1, np.array([[1, 2, 3], [1, 2, np.nan]], np.float32))
+
+
+def test_select_top_k_of_nothing():
+    with pytest.raises(InvalidArgument, match=r"no values to choose from, received \[2,0\]"):
+        select_top_k(1, np.zeros((2, 0), np.float32))
 
 
 EMPTY = {

@@ -15,14 +15,15 @@ import pytest
 import tensorflow as tf
 
 import tf_ops
-from tf_ops import library
+from tf_ops import loading
+from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
 
 ROOT = Path(tf_ops.__file__).resolve().parent.parent
 BATCH, POINTS, SAMPLES = 3, 400, 60
 
 
 def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
-    """Every op that depends on coordinates, and the ops that move features."""
+    """Every op, those on features by way of `features`."""
     chosen = tf_ops.farthest_point_sample(SAMPLES, xyz)
     sampled = tf_ops.gather_point(xyz, chosen)
     ball, count = tf_ops.query_ball_point(0.8, 8, xyz, sampled)
@@ -30,15 +31,30 @@ def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
     many2, many = tf_ops.knn_point(40, sampled, xyz)
     top, top_values = tf_ops.select_top_k(5, many2)
     three2, three = tf_ops.three_nn(xyz, sampled)
-    dense = tf_ops.three_interpolate(sampled, three, three2)
-    grouped = tf_ops.group_point(xyz, ball)
+    moved = features(xyz, chosen, ball, three, three2)
     boxes = tf.concat([sampled, tf.abs(sampled), sampled[..., :1]], -1)
     inside, iou = tf_ops.points_in_boxes(xyz, boxes), tf_ops.box_iou_3d(boxes, boxes)
+    bev = tf_ops.box_iou_bev(boxes, boxes)
     kept = tf_ops.nms_3d(boxes[0], boxes[0, :, 0], 0.2, 20)
-    names = "chosen sampled ball count few2 few many2 many top top_values three2 three dense"
+    names = "chosen sampled ball count few2 few many2 many top top_values three2 three"
     values = [chosen, sampled, ball, count, few2, few, many2, many, top, top_values, three2, three]
-    values += [dense, grouped, inside, iou, kept]
-    return dict(zip([*names.split(), "grouped", "inside", "iou", "kept"], values, strict=True))
+    found = dict(zip(names.split(), values, strict=True))
+    return found | moved | {"inside": inside, "iou": iou, "bev": bev, "kept": kept}
+
+
+def features(xyz, chosen, ball, three, weight) -> dict[str, tf.Tensor]:
+    """Every op that moves or normalises features, and all their gradients together."""
+    xyz, ones, zeros = tf.convert_to_tensor(xyz), tf.ones(3), tf.zeros(3)
+    with tf.GradientTape() as tape:
+        tape.watch([xyz, weight, ones])
+        grouped = tf_ops.group_point(xyz, ball)
+        dense = tf_ops.three_interpolate(tf_ops.gather_point(xyz, chosen), three, weight)
+        rows = batch_norm_relu(tf.reshape(dense, [-1, 3]), ones, zeros, 1e-3)[0]
+        pooled = batch_norm_relu_max(tf.reshape(grouped, [-1, 8, 3]), ones, zeros, 1e-3)[0]
+        total = tf.reduce_sum(rows**2) + tf.reduce_sum(pooled**2)
+    d_xyz, d_weight, d_ones = tape.gradient(total, [xyz, weight, ones])
+    slopes = {"d_xyz": d_xyz, "d_weight": d_weight, "d_ones": d_ones}
+    return {"grouped": grouped, "dense": dense, "rows": rows, "pooled": pooled} | slopes
 
 
 def assert_same(a, b):
@@ -63,7 +79,9 @@ def test_graph_with_unknown_batch_and_size():
     assert shapes["three"] == shapes["dense"] == [None, None, 3]
     assert shapes["grouped"] == [None, SAMPLES, 8, 3]
     assert shapes["inside"] == [None, None] and shapes["iou"] == [None, SAMPLES, SAMPLES]
-    assert shapes["kept"] == [None]
+    assert shapes["bev"] == shapes["iou"] and shapes["kept"] == [None]
+    assert shapes["rows"] == shapes["pooled"] == [None, 3]
+    assert shapes["d_xyz"] == [None, None, 3]
     assert_same(traced(xyz), pyramid(xyz))
 
 
@@ -162,7 +180,7 @@ def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
 
 
 def test_a_missing_library_names_the_command(tmp_path, monkeypatch):
-    monkeypatch.setenv(library.ENVIRONMENT, str(tmp_path / "libtf_ops.so"))
+    monkeypatch.setenv(loading.ENVIRONMENT, str(tmp_path / "libtf_ops.so"))
     with pytest.raises(tf_ops.LibraryError, match="is missing; run `make ops`"):
         tf_ops.load_library()
 
@@ -172,21 +190,21 @@ def test_an_unreadable_record_names_the_command(record, tmp_path):
     path = tmp_path / "libtf_ops.json"
     path.write_text(record)
     with pytest.raises(tf_ops.LibraryError, match="unreadable; run `make ops`"):
-        library.check_version(path)
+        loading.check_version(path)
 
 
 def test_another_tensorflow_names_the_command(tmp_path):
     path = tmp_path / "libtf_ops.json"
     path.write_text(json.dumps({"tensorflow": "2.0.0"}))
     with pytest.raises(tf_ops.LibraryError, match=r"against TensorFlow 2\.0\.0.*run `make ops`"):
-        library.check_version(path)
+        loading.check_version(path)
 
 
 def test_a_broken_library_names_the_command(tmp_path, monkeypatch):
     broken = tmp_path / "libtf_ops.so"
     broken.write_bytes(b"not a library")
     broken.with_suffix(".json").write_text(json.dumps({"tensorflow": tf.__version__}))
-    monkeypatch.setenv(library.ENVIRONMENT, str(broken))
+    monkeypatch.setenv(loading.ENVIRONMENT, str(broken))
     with pytest.raises(tf_ops.LibraryError, match="run `make clean ops`"):
         tf_ops.load_library()
 

@@ -1,14 +1,18 @@
-"""Measures the ops: `table` against the best CPU library, `growth` over the size of the cloud.
+"""Measures the ops, and puts the tables into tf_ops/README.md.
 
-Writes bench.json, or growth.json and growth.png, into --out; `table` also prints itself.
+table: against the best CPU library, bench.json. growth: over the size of the cloud, growth.json and
+growth.png. native: the portable build against that for this machine, native.json. readme: measures
+nothing, writes the tables of the JSON files in tf_ops/docs into the README.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import os
 import platform
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +21,17 @@ from common.files import write_json
 from common.flags import ArgumentParser, positive_int, run
 from common.progress import progress
 from common.provenance import ROOT, provenance
+from tf_ops.bench import tables
 
 THREADS = 2
+WHAT = ("table", "growth", "native", "readme", "serve")  # serve: one build's process of `native`
 GROUPS = ("one", "batch", "other")  # one cloud; eight clouds; boxes and features
 PEERS = ("fpsample", "pykdtree", "pynanoflann", "shapely", "scipy")
 
 
 def parse(argv: Sequence[str] | None):
     parser = ArgumentParser(description=__doc__, prog="tf_ops.bench")
-    parser.add_argument("what", choices=("table", "growth"), help="what to measure")
+    parser.add_argument("what", choices=WHAT, help="what to measure")
     parser.add_argument(
         "--kitti_root",
         type=Path,
@@ -53,20 +59,10 @@ def machine() -> str:
     return names[0] if names else platform.processor()
 
 
-def print_table(rows: list[dict[str, Any]]) -> None:
-    print("| op | batch | ours, ms | best peer | its ms | ratio | goal |")
-    print("|---|---|---|---|---|---|---|")
-    for row in rows:
-        peer = (
-            "| - | - | - |"
-            if "peer" not in row
-            else (f"| {row['peer']} | {row['peer_ms']:.2f} | {row['ratio']:.2f} |")
-        )
-        print(f"| {row['case']} | {row['batch']} | {row['ours_ms']:.2f} {peer} {row['goal']} |")
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     args = parse(argv)
+    if args.what == "readme":
+        return tables.write()
     missing = [name for name in PEERS if importlib.util.find_spec(name) is None]
     if missing:
         raise InputError(
@@ -76,33 +72,48 @@ def main(argv: Sequence[str] | None = None) -> None:
     import tensorflow as tf
 
     tf.config.threading.set_intra_op_parallelism_threads(THREADS)
-    from tf_ops.bench import cases, growth, scans, timing
+    from tf_ops.bench import builds, growth
 
-    record = provenance(
+    if args.what == "serve":
+        return builds.serve(args.kitti_root)
+    record = moment(args)
+    if args.what == "table":
+        report = {"rows": table(args), "provenance": record}
+        write_json(args.out / f"{args.name}.json", report)
+        print(tables.peers_table(report))
+    elif args.what == "native":
+        report = {"rows": builds.measure(args.calls, args.kitti_root), "provenance": record}
+        write_json(args.out / "native.json", report)
+        print(tables.builds_table(report))
+    else:
+        curves = growth.measure()
+        growth.plot(curves, args.out / "growth.png")
+        write_json(args.out / "growth.json", {"curves": curves, "provenance": record})
+
+
+def moment(args: argparse.Namespace) -> dict[str, Any]:
+    """What the figures depend on."""
+    from tf_ops.bench import scans
+
+    return provenance(
         processor=machine(),
         threads=THREADS,
         calls=args.calls,
         scan=scans.scan(args.kitti_root, 15000)[1],
         instructions=os.environ.get("TF_OPS_INSTRUCTIONS", "the widest of this processor"),
-        peers={
-            name: importlib.import_module(name).__version__
-            if hasattr(importlib.import_module(name), "__version__")
-            else None
-            for name in PEERS
-        },
+        peers={name: metadata.version(name) for name in PEERS},
     )
-    if args.what == "table":
-        chosen = list(cases.group(args.group, args.kitti_root))
-        rows = [
-            timing.measure(case, args.calls, args.ours_only)
-            for case in progress(chosen, len(chosen), "bench", "case")
-        ]
-        print_table(rows)
-        write_json(args.out / f"{args.name}.json", {"rows": rows, "provenance": record})
-    else:
-        curves = growth.measure()
-        growth.plot(curves, args.out / "growth.png")
-        write_json(args.out / "growth.json", {"curves": curves, "provenance": record})
+
+
+def table(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """The rows of the table against the peers."""
+    from tf_ops.bench import cases, timing
+
+    chosen = list(cases.group(args.group, args.kitti_root))
+    return [
+        timing.measure(case, args.calls, args.ours_only)
+        for case in progress(chosen, len(chosen), "bench", "case")
+    ]
 
 
 if __name__ == "__main__":

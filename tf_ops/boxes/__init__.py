@@ -9,7 +9,7 @@ from __future__ import annotations
 import tensorflow as tf
 
 from tf_ops.devices import on_cpu
-from tf_ops.library import load_library
+from tf_ops.loading import load_library
 
 for _name in ("BoxIou", "PointsInBoxes", "Nms3d"):
     tf.no_gradient(f"PointTrackNet>{_name}")

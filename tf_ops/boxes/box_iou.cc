@@ -1,5 +1,5 @@
 #include "boxes/box_util.h"
-#include "boxes/rotated.h"
+#include "boxes/scenes.h"
 
 namespace ptn {
 namespace {
@@ -54,16 +54,8 @@ class BoxIouOp : public tf::OpKernel {
     const int64_t batch = batch_of(boxes1);
     const auto first = read_boxes(boxes1.flat<float>().data(), batch * rows);
     const auto second = read_boxes(boxes2.flat<float>().data(), batch * columns);
-    float* out = iou->flat<float>().data();
-    const auto pair = bev_ ? iou_bev : iou_3d;
-    threads_of(context).run(batch * rows, 20 * columns, [&](int64_t begin, int64_t end) {
-      for (int64_t row = begin; row < end; ++row) {
-        const RotatedBox* others = &second[row / rows * columns];
-        for (int64_t i = 0; i < columns; ++i) {
-          out[row * columns + i] = static_cast<float>(pair(first[row], others[i]));
-        }
-      }
-    });
+    all_ious(bev_ ? iou_bev : iou_3d, first.data(), second.data(), batch, rows, columns,
+             iou->flat<float>().data(), threads_of(context));
   }
 
  private:

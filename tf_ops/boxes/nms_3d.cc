@@ -51,8 +51,7 @@ class Nms3dOp : public tf::OpKernel {
     const auto kept = suppress(read_boxes(boxes.flat<float>().data(), boxes.dim_size(0)),
                                scores.flat<float>().data(), iou_threshold_, max_output_);
     tf::Tensor* out;
-    OP_REQUIRES_OK(context,
-                   context->allocate_output(0, {static_cast<int64_t>(kept.size())}, &out));
+    OP_REQUIRES_OK(context, context->allocate_output(0, {static_cast<int64_t>(kept.size())}, &out));
     std::copy(kept.begin(), kept.end(), out->flat<int32_t>().data());
   }
 

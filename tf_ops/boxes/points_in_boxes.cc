@@ -1,5 +1,5 @@
 #include "boxes/box_util.h"
-#include "boxes/rotated.h"
+#include "boxes/scenes.h"
 
 namespace ptn {
 namespace {
@@ -46,16 +46,8 @@ class PointsInBoxesOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, context->allocate_output(0, shape, &index));
     const int64_t batch = batch_of(points), rows = rows_of(points), count = rows_of(boxes);
     const auto all_boxes = read_boxes(boxes.flat<float>().data(), batch * count);
-    const float* xyz = points.flat<float>().data();
-    int32_t* out = index->flat<int32_t>().data();
-    threads_of(context).run(batch * rows, 3 * count, [&](int64_t begin, int64_t end) {
-      for (int64_t row = begin; row < end; ++row) {
-        const RotatedBox* scene = all_boxes.data() + row / rows * count;
-        const RotatedBox* holder = std::find_if(
-            scene, scene + count, [&](const RotatedBox& b) { return b.holds(xyz + 3 * row); });
-        out[row] = holder == scene + count ? -1 : static_cast<int32_t>(holder - scene);
-      }
-    });
+    first_holders(points.flat<float>().data(), all_boxes.data(), batch, rows, count,
+                  index->flat<int32_t>().data(), threads_of(context));
   }
 };
 

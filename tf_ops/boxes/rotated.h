@@ -44,9 +44,12 @@ inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
   return result;
 }
 
-// A convex polygon with room for a rectangle that is cut by four lines.
+// A rectangle that is cut by four lines. Without rounding a cut adds one corner at most; with it a
+// sliver's corners may alternate between the sides of a line, so there is room for the worst: every
+// other one of n corners replaced by two, n + n / 2, four times from 4 on.
 struct Polygon {
-  double x[8], y[8];
+  static constexpr int kRoom = 19;
+  double x[kRoom], y[kRoom];
   int size = 0;
 
   void add(double px, double py) {

@@ -58,8 +58,7 @@ struct Kernels {
                                int64_t channels, float* mean, float* variance, float* best,
                                int32_t* place, const Parallel&);
   void (*pooled_grad)(const float* x, const float* spike, const int32_t* place, GradAffine,
-                      int64_t groups, int64_t size, int64_t channels, float* out,
-                      const Parallel&);
+                      int64_t groups, int64_t size, int64_t channels, float* out, const Parallel&);
 };
 
 // The table for this processor; chosen once.

@@ -1,18 +1,17 @@
 #if defined(__x86_64__) && !defined(PTN_NATIVE)
-# include "core/kernels_std.h"
-# define PTN_SIMD 256
-# define PTN_ISA avx2
-# if defined(__clang__)
-#  pragma clang attribute push(__attribute__((target("avx2,popcnt,bmi"))), \
-                               apply_to = function)
-# else
-#  pragma GCC push_options
-#  pragma GCC target("avx2,popcnt,bmi")
-# endif
-# include "core/kernels_isa.h"
-# if defined(__clang__)
-#  pragma clang attribute pop
-# else
-#  pragma GCC pop_options
-# endif
+#  include "core/kernels_std.h"
+#  define PTN_SIMD 256
+#  define PTN_ISA avx2
+#  if defined(__clang__)
+#    pragma clang attribute push(__attribute__((target("avx2,popcnt,bmi"))), apply_to = function)
+#  else
+#    pragma GCC push_options
+#    pragma GCC target("avx2,popcnt,bmi")
+#  endif
+#  include "core/kernels_isa.h"
+#  if defined(__clang__)
+#    pragma clang attribute pop
+#  else
+#    pragma GCC pop_options
+#  endif
 #endif

@@ -28,8 +28,8 @@ namespace PTN_ISA {
 
 extern const Kernels kKernels;
 const Kernels kKernels = {PTN_STRING(PTN_ISA), farthest_point_sample, query_ball_point, knn_point,
-                          select_top_k, column_moments, affine_relu, grad_sums,
-                          affine_relu_grad, moments_and_extremes, pooled_grad};
+                          select_top_k,        column_moments,        affine_relu,      grad_sums,
+                          affine_relu_grad,    moments_and_extremes,  pooled_grad};
 
 }  // namespace PTN_ISA
 }  // namespace ptn

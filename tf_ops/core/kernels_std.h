@@ -12,13 +12,13 @@
 #include "core/kernels.h"
 
 #if defined(__x86_64__)
-# if defined(__GNUC__) && !defined(__clang__)
-#  pragma GCC diagnostic push  // GCC 12 warns of this very header (GCC bug 105593)
-#  pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#  pragma GCC diagnostic ignored "-Wuninitialized"
-# endif
-# include <immintrin.h>
-# if defined(__GNUC__) && !defined(__clang__)
-#  pragma GCC diagnostic pop
-# endif
+#  if defined(__GNUC__) && !defined(__clang__)
+#    pragma GCC diagnostic push  // GCC 12 warns of this very header (GCC bug 105593)
+#    pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#    pragma GCC diagnostic ignored "-Wuninitialized"
+#  endif
+#  include <immintrin.h>
+#  if defined(__GNUC__) && !defined(__clang__)
+#    pragma GCC diagnostic pop
+#  endif
 #endif

@@ -4,14 +4,12 @@
 #include <cmath>
 
 #if defined(__linux__)
-# include <sys/mman.h>
+#  include <sys/mman.h>
 #endif
 
 #include "tensorflow/core/util/work_sharder.h"
 
 namespace ptn {
-
-
 
 Parallel threads_of(tf::OpKernelContext* context) {
   const auto* workers = context->device()->tensorflow_cpu_worker_threads();
@@ -51,20 +49,17 @@ absl::Status check_finite(const tf::Tensor& tensor, const char* name) {
     for (; i < end; ++i) sum[0] += 0.0F * values[i];
     if (std::all_of(sum, sum + 16, [](float s) { return s == 0.0F; })) continue;
     for (i = begin; std::isfinite(values[i]);) ++i;
-    return invalid(name, position(tensor.shape(), i), " is ", values[i],
-                                   "; values must be finite");
+    return invalid(name, position(tensor.shape(), i), " is ", values[i], "; values must be finite");
   }
   return absl::OkStatus();
 }
 
 absl::Status check_points(const tf::Tensor& tensor, const char* name) {
   if (tensor.dims() != 3 || tensor.dim_size(2) != 3) {
-    return invalid(name, " must have shape (B, N, 3), received ",
-                                   tensor.shape().DebugString());
+    return invalid(name, " must have shape (B, N, 3), received ", tensor.shape().DebugString());
   }
   if (tensor.dim_size(1) > std::numeric_limits<int32_t>::max() / 2) {
-    return invalid(name, " has too many points for int32 indices: ",
-                                   tensor.dim_size(1));
+    return invalid(name, " has too many points for int32 indices: ", tensor.dim_size(1));
   }
   return check_finite(tensor, name);
 }
@@ -73,7 +68,7 @@ absl::Status check_points(const tf::Tensor& tensor, const char* name, int64_t ba
   TF_RETURN_IF_ERROR(check_points(tensor, name));
   if (tensor.dim_size(0) != batch) {
     return invalid(name, " must have the batch size ", batch, ", received ",
-                                   tensor.shape().DebugString());
+                   tensor.shape().DebugString());
   }
   return absl::OkStatus();
 }
@@ -89,14 +84,12 @@ absl::Status check_indices(const tf::Tensor& index, const char* name, int64_t li
   if (good) return absl::OkStatus();
   int64_t i = 0;
   while (static_cast<uint32_t>(values[i]) < bound) ++i;
-  return invalid(name, position(index.shape(), i), " = ", values[i],
-                                 " is not in [0, ", limit, ")");
+  return invalid(name, position(index.shape(), i), " = ", values[i], " is not in [0, ", limit, ")");
 }
 
 absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t wanted) {
   if (wanted > 0 && points.dim_size(1) == 0) {
-    return invalid(name, " has no points to choose from, received ",
-                                   points.shape().DebugString());
+    return invalid(name, " has no points to choose from, received ", points.shape().DebugString());
   }
   return absl::OkStatus();
 }
@@ -115,7 +108,7 @@ void prefer_huge_pages(tf::Tensor* output) {
 }
 
 absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const char* attribute,
-                            bool counts) {
+                              bool counts) {
   tf::shape_inference::ShapeHandle points, queries;
   TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
   TF_RETURN_IF_ERROR(c->WithRank(c->input(1), 3, &queries));
@@ -133,8 +126,7 @@ absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const ch
 
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value) {
   OP_REQUIRES_OK(context, context->GetAttr(name, value));
-  OP_REQUIRES(context, *value >= 1,
-              invalid(name, " must be at least 1, received ", *value));
+  OP_REQUIRES(context, *value >= 1, invalid(name, " must be at least 1, received ", *value));
 }
 
 }  // namespace ptn

@@ -52,7 +52,7 @@ inline Clouds clouds_of(const tf::Tensor& t) {
 // Shapes of ops that find `attribute` neighbours for each query: (B, N, 3), (B, M, 3) ->
 // (B, M, attribute), and (B, M) if `counts`, else (B, M, attribute) again.
 absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const char* attribute,
-                            bool counts);
+                              bool counts);
 
 // Reads an int attribute that must be at least 1.
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value);

@@ -7,11 +7,11 @@
 using Mask = uint32_t;  // bit i: lane i
 
 #if PTN_SIMD == 512
-# include "core/simd_avx512.h"
+#  include "core/simd_avx512.h"
 #elif PTN_SIMD == 256
-# include "core/simd_avx2.h"
+#  include "core/simd_avx2.h"
 #else
-# include "core/simd_portable.h"
+#  include "core/simd_portable.h"
 #endif
 
 // Calls f(lane) for each set bit, lowest first.

@@ -46,8 +46,8 @@ inline M16 operator<(I16 x, I16 y) {
 inline M16 both(M16 x, M16 y) { return {_mm256_and_ps(x.a, y.a), _mm256_and_ps(x.b, y.b)}; }
 inline M16 either(M16 x, M16 y) { return {_mm256_or_ps(x.a, y.a), _mm256_or_ps(x.b, y.b)}; }
 inline Mask bits(M16 m) {
-  return static_cast<Mask>(_mm256_movemask_ps(m.a)) |
-         static_cast<Mask>(_mm256_movemask_ps(m.b)) << 8;
+  return static_cast<Mask>(_mm256_movemask_ps(m.a)) | static_cast<Mask>(_mm256_movemask_ps(m.b))
+                                                          << 8;
 }
 inline F16 select(M16 m, F16 yes, F16 no) {
   return {_mm256_blendv_ps(no.a, yes.a, m.a), _mm256_blendv_ps(no.b, yes.b, m.b)};
@@ -92,6 +92,6 @@ inline void compress(int32_t* p, I16 x, Mask chosen) {
   compress8(p + __builtin_popcount(chosen & 255U), x.b, chosen >> 8);
 }
 inline void compress(float* p, F16 x, Mask chosen) {
-  compress(reinterpret_cast<int32_t*>(p),
-           I16{_mm256_castps_si256(x.a), _mm256_castps_si256(x.b)}, chosen);
+  compress(reinterpret_cast<int32_t*>(p), I16{_mm256_castps_si256(x.a), _mm256_castps_si256(x.b)},
+           chosen);
 }

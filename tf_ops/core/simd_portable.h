@@ -26,11 +26,11 @@ inline Lanes16<Number> all(Number s) {
 }
 
 // Defines a function of two operands lane by lane.
-#define PTN_LANEWISE(result, name, operand, expression)        \
-  inline result name(const operand& a, const operand& b) {     \
-    result r;                                                  \
-    for (int i = 0; i < 16; ++i) r.v[i] = (expression);        \
-    return r;                                                  \
+#define PTN_LANEWISE(result, name, operand, expression)    \
+  inline result name(const operand& a, const operand& b) { \
+    result r;                                              \
+    for (int i = 0; i < 16; ++i) r.v[i] = (expression);    \
+    return r;                                              \
   }
 PTN_LANEWISE(F16, operator+, F16, a.v[i] + b.v[i])
 PTN_LANEWISE(F16, operator-, F16, a.v[i] - b.v[i])
@@ -52,8 +52,7 @@ inline Mask bits(const M16& m) {
 }
 
 template <class Number>
-inline Lanes16<Number> select(const M16& m, const Lanes16<Number>& yes,
-                              const Lanes16<Number>& no) {
+inline Lanes16<Number> select(const M16& m, const Lanes16<Number>& yes, const Lanes16<Number>& no) {
   Lanes16<Number> r;
   for (int i = 0; i < 16; ++i) r.v[i] = m.v[i] != 0 ? yes.v[i] : no.v[i];
   return r;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tensorflow as tf
 
 from tf_ops.devices import has_gpu, on_cpu
-from tf_ops.library import load_library
+from tf_ops.loading import load_library
 
 for _name in ("QueryBallPoint", "KnnPoint", "SelectTopK"):
     tf.no_gradient(f"PointTrackNet>{_name}")

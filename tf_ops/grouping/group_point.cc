@@ -72,9 +72,8 @@ class GroupPointOp : public tf::OpKernel {
     const tf::Tensor& index = context->input(1);
     OP_REQUIRES(context,
                 points.dims() == 3 && index.dims() >= 2 && points.dim_size(0) == index.dim_size(0),
-                invalid(
-                    "points must have shape (B, N, C) and index (B, ...), received ",
-                    points.shape().DebugString(), " and ", index.shape().DebugString()));
+                invalid("points must have shape (B, N, C) and index (B, ...), received ",
+                        points.shape().DebugString(), " and ", index.shape().DebugString()));
     OP_REQUIRES_OK(context, check_indices(index, "index", points.dim_size(1)));
     tf::TensorShape shape = index.shape();
     shape.AddDim(points.dim_size(2));
@@ -103,9 +102,8 @@ class GroupPointGradOp : public tf::OpKernel {
     tf::TensorShape expected = index.shape();
     if (grad.dims() > 0) expected.AddDim(grad.dim_size(grad.dims() - 1));
     OP_REQUIRES(context, rows >= 0 && index.dims() >= 2 && grad.shape() == expected,
-                invalid(
-                    "grad must have shape (B, ..., C) and index (B, ...), received ",
-                    grad.shape().DebugString(), " and ", index.shape().DebugString()));
+                invalid("grad must have shape (B, ..., C) and index (B, ...), received ",
+                        grad.shape().DebugString(), " and ", index.shape().DebugString()));
     OP_REQUIRES_OK(context, check_indices(index, "index", rows));
     const int64_t batch = index.dim_size(0), channels = grad.dim_size(grad.dims() - 1);
     tf::Tensor* grad_points;
@@ -118,11 +116,11 @@ class GroupPointGradOp : public tf::OpKernel {
   }
 };
 
-#define PTN_REGISTER(T)                                                                  \
-  REGISTER_KERNEL_BUILDER(                                                               \
+#define PTN_REGISTER(T)                                                                   \
+  REGISTER_KERNEL_BUILDER(                                                                \
       Name("PointTrackNet>GroupPoint").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"),     \
-      GroupPointOp<T>);                                                                  \
-  REGISTER_KERNEL_BUILDER(                                                               \
+      GroupPointOp<T>);                                                                   \
+  REGISTER_KERNEL_BUILDER(                                                                \
       Name("PointTrackNet>GroupPointGrad").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"), \
       GroupPointGradOp<T>)
 PTN_REGISTER(float);

@@ -31,8 +31,8 @@ inline void knn_many(const Trees& trees, Clouds queries, int32_t k, float* dist2
                [&](int64_t begin, int64_t end) {
                  ManyNearest nearest(k);
                  for (int64_t row = begin; row < end; ++row) {
-                   nearest.find(*trees[row / queries.size], queries.xyz + 3 * row,
-                                dist2 + row * k, index + row * k);
+                   nearest.find(*trees[row / queries.size], queries.xyz + 3 * row, dist2 + row * k,
+                                index + row * k);
                  }
                });
 }

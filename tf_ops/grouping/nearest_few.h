@@ -40,9 +40,7 @@ class FewNearest {
  public:
   // The nearest points of `tree` for the block of queries.
   FewNearest(const KdTree& tree, const KdTree& queries, int64_t block)
-      : tree_(tree),
-        query_(queries.points(block)),
-        lists_(query_.x < all(kInfinity)) {
+      : tree_(tree), query_(queries.points(block)), lists_(query_.x < all(kInfinity)) {
     const Group& group = queries.group(0, block / kWidth);
     float from[3], to[3];
     for (int a = 0; a < 3; ++a) {
@@ -90,8 +88,8 @@ class FewNearest {
 
 // Writes the k <= kSize nearest of each query; missing ones repeat the nearest.
 template <int kSize>
-void few_nearest(const KdTree& tree, const KdTree& queries, int32_t k, float* dist2,
-                 int32_t* index, int64_t begin, int64_t end) {
+void few_nearest(const KdTree& tree, const KdTree& queries, int32_t k, float* dist2, int32_t* index,
+                 int64_t begin, int64_t end) {
   for (int64_t block = begin; block < end; ++block) {
     const FewNearest<kSize> nearest(tree, queries, block);
     alignas(64) float distances[kSize][kWidth];

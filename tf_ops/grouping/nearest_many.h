@@ -76,7 +76,8 @@ class ManyNearest {
       const F16 d = load(&distance_[b * kWidth]);
       most = max(most, select(d < all(kInfinity), d, all(0.0F)));
     }
-    limit_ = std::min(limit_, threshold(distance_.data(), blocks, k_, enough_, 0.0F, largest(most)));
+    limit_ =
+        std::min(limit_, threshold(distance_.data(), blocks, k_, enough_, 0.0F, largest(most)));
     int64_t kept = 0;
     for (int64_t b = 0; b < blocks; ++b) {
       const F16 d = load(&distance_[b * kWidth]);

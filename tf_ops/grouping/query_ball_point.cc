@@ -31,8 +31,7 @@ class QueryBallPointOp : public tf::OpKernel {
     read_count(context, "nsample", &nsample_);
     OP_REQUIRES_OK(context, context->GetAttr("radius", &radius_));
     OP_REQUIRES(context, radius_ > 0 && std::isfinite(radius_),
-                invalid("radius must be positive and finite, received ",
-                                            radius_));
+                invalid("radius must be positive and finite, received ", radius_));
   }
 
   void Compute(tf::OpKernelContext* context) override {

@@ -49,14 +49,13 @@ class SelectTopKOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, context->allocate_output(0, shape, &index));
     OP_REQUIRES_OK(context, context->allocate_output(1, shape, &smallest));
     if (rows == 0) return;
-    OP_REQUIRES(context, columns > 0,
-                invalid("dist has no values to choose from, received ",
-                                            dist.shape().DebugString()));
+    OP_REQUIRES(
+        context, columns > 0,
+        invalid("dist has no values to choose from, received ", dist.shape().DebugString()));
     const float* values = dist.flat<float>().data();
     for (int64_t i = 0; i < dist.NumElements(); ++i) {
       OP_REQUIRES(context, !std::isnan(values[i]),
-                  invalid("dist is nan at row ", i / columns, ", column ",
-                                              i % columns));
+                  invalid("dist is nan at row ", i / columns, ", column ", i % columns));
     }
     kernels().select_top_k(values, rows, columns, k_, smallest->flat<float>().data(),
                            index->flat<int32_t>().data(), threads_of(context));

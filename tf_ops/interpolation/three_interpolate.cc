@@ -58,13 +58,12 @@ grad_weight: (B, N, 3).
 )doc");
 
 absl::Status check_inputs(const tf::Tensor& points, const tf::Tensor& index,
-                        const tf::Tensor& weight) {
+                          const tf::Tensor& weight) {
   if (points.dims() != 3 || index.dims() != 3 || index.dim_size(2) != 3 ||
       index.shape() != weight.shape() || points.dim_size(0) != index.dim_size(0)) {
-    return invalid(
-        "points must have shape (B, M, C), index and weight (B, N, 3), received ",
-        points.shape().DebugString(), ", ", index.shape().DebugString(), " and ",
-        weight.shape().DebugString());
+    return invalid("points must have shape (B, M, C), index and weight (B, N, 3), received ",
+                   points.shape().DebugString(), ", ", index.shape().DebugString(), " and ",
+                   weight.shape().DebugString());
   }
   return check_indices(index, "index", points.dim_size(1));
 }
@@ -85,8 +84,8 @@ class ThreeInterpolateOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, check_inputs(points, index, weight));
     const RowSizes sizes = sizes_of(points, index);
     tf::Tensor* out;
-    OP_REQUIRES_OK(context, context->allocate_output(
-                                0, {sizes.batch, sizes.entries, sizes.channels}, &out));
+    OP_REQUIRES_OK(context,
+                   context->allocate_output(0, {sizes.batch, sizes.entries, sizes.channels}, &out));
     if (out->NumElements() == 0) return;
     prefer_huge_pages(out);
     interpolate_rows(points.flat<T>().data(), index.flat<int32_t>().data(),
@@ -109,8 +108,8 @@ class ThreeInterpolateGradOp : public tf::OpKernel {
     const RowSizes sizes = sizes_of(points, index);
     const tf::TensorShape expected = {sizes.batch, sizes.entries, sizes.channels};
     OP_REQUIRES(context, grad.shape() == expected,
-                invalid("grad must have shape ", expected.DebugString(),
-                                            ", received ", grad.shape().DebugString()));
+                invalid("grad must have shape ", expected.DebugString(), ", received ",
+                        grad.shape().DebugString()));
     tf::Tensor *grad_points, *grad_weight;
     OP_REQUIRES_OK(context, context->allocate_output(0, points.shape(), &grad_points));
     OP_REQUIRES_OK(context, context->allocate_output(1, weight.shape(), &grad_weight));
@@ -130,11 +129,11 @@ class ThreeInterpolateGradOp : public tf::OpKernel {
   }
 };
 
-#define PTN_REGISTER(T)                                                                        \
-  REGISTER_KERNEL_BUILDER(                                                                     \
+#define PTN_REGISTER(T)                                                                         \
+  REGISTER_KERNEL_BUILDER(                                                                      \
       Name("PointTrackNet>ThreeInterpolate").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"),     \
-      ThreeInterpolateOp<T>);                                                                  \
-  REGISTER_KERNEL_BUILDER(                                                                     \
+      ThreeInterpolateOp<T>);                                                                   \
+  REGISTER_KERNEL_BUILDER(                                                                      \
       Name("PointTrackNet>ThreeInterpolateGrad").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"), \
       ThreeInterpolateGradOp<T>)
 PTN_REGISTER(float);

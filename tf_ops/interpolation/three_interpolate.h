@@ -20,8 +20,9 @@ void interpolate_rows(const T* points, const int32_t* index, const float* weight
       const float w0 = weight[3 * e], w1 = weight[3 * e + 1], w2 = weight[3 * e + 2];
       T* __restrict to = out + e * s.channels;
       for (int64_t c = 0; c < s.channels; ++c) {
-        to[c] = static_cast<T>((w0 * static_cast<float>(row0[c]) + w1 * static_cast<float>(row1[c])) +
-                               w2 * static_cast<float>(row2[c]));
+        to[c] =
+            static_cast<T>((w0 * static_cast<float>(row0[c]) + w1 * static_cast<float>(row1[c])) +
+                           w2 * static_cast<float>(row2[c]));
       }
     }
   });

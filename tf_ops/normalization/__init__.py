@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tensorflow as tf
 
-from tf_ops.library import load_library
+from tf_ops.loading import load_library
 
 
 def batch_norm_relu(

@@ -114,8 +114,7 @@ inline void grad_row(const float* __restrict grad, const float* __restrict x, Af
 }
 
 inline void affine_relu_grad(const float* grad, const float* x, Affine a, GradAffine b,
-                             int64_t rows, int64_t channels, float* out,
-                             const Parallel& parallel) {
+                             int64_t rows, int64_t channels, float* out, const Parallel& parallel) {
   parallel.run(rows, 1 + channels / 2, [=](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       grad_row(grad + r * channels, x + r * channels, a, b, channels, out + r * channels);

@@ -6,7 +6,7 @@ import tensorflow as tf
 
 from tf_ops.devices import on_cpu
 from tf_ops.grouping import group_point
-from tf_ops.library import load_library
+from tf_ops.loading import load_library
 
 tf.no_gradient("PointTrackNet>FarthestPointSample")
 

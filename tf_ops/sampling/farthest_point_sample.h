@@ -51,7 +51,8 @@ class FarthestPoints {
     const F16 distance = load(best.distance);
     const float most = largest(distance);
     int32_t index = kNoPoint;
-    for_each_lane(bits(distance == all(most)), [&](int i) { index = std::min(index, best.index[i]); });
+    for_each_lane(bits(distance == all(most)),
+                  [&](int i) { index = std::min(index, best.index[i]); });
     return {most, index};
   }
 

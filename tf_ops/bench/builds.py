@@ -1,0 +1,82 @@
+"""The portable build against the one for this machine, in two processes that take turns.
+
+One process cannot hold both, since each registers the same ops. A process of each build waits for
+the number of a case, calls it once, and answers with the time; so a busy moment hits both alike.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.errors import InputError
+from common.progress import progress
+from common.provenance import ROOT
+
+BUILDS = {name: ROOT / f"tf_ops/build/{name}/libtf_ops.so" for name in ("portable", "native")}
+WARM_UP = 3
+
+
+def serve(kitti_root: Path) -> None:
+    """The process of one build: names of the cases, then a time in seconds for each number."""
+    from tf_ops.bench import cases, timing
+
+    chosen = list(cases.group("all", kitti_root))
+    print("\t".join(f"{case.name}\t{case.batch}" for case in chosen), flush=True)
+    for line in sys.stdin:
+        print(timing.seconds(chosen[int(line)].ours), flush=True)
+
+
+@contextmanager
+def server(library: Path, kitti_root: Path) -> Iterator[subprocess.Popen]:
+    command = [sys.executable, "-m", "tf_ops.bench", "serve", "--kitti_root", str(kitti_root)]
+    environment = {**os.environ, "TF_OPS_LIBRARY": str(library)}
+    process = subprocess.Popen(
+        command, env=environment, cwd=ROOT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    try:
+        yield process
+    finally:
+        process.stdin.close()
+        process.wait()
+
+
+def measure(calls: int, kitti_root: Path) -> list[dict[str, Any]]:
+    """Rows of {case, batch, portable_ms, native_ms, ratio}: medians of `calls` calls."""
+    for name, library in BUILDS.items():
+        if not library.is_file():
+            raise InputError(f"{name} build missing; run `make ops NATIVE=1 && make ops`", library)
+    with ExitStack() as stack:
+        servers = [stack.enter_context(server(path, kitti_root)) for path in BUILDS.values()]
+        lines = [process.stdout.readline().rstrip("\n") for process in servers]
+        names = lines[0].split("\t")
+        cases = list(zip(names[::2], names[1::2], strict=True))
+        return [
+            _row(servers, number, name, int(batch), calls)
+            for number, (name, batch) in enumerate(progress(cases, len(cases), "bench", "case"))
+        ]
+
+
+def _row(servers, number: int, name: str, batch: int, calls: int) -> dict[str, Any]:
+    times = np.array([[_time(s, number) for s in servers] for _ in range(WARM_UP + calls)])
+    portable, native = 1e3 * np.median(times[WARM_UP:], axis=0)
+    return {
+        "case": name,
+        "batch": batch,
+        "portable_ms": float(portable),
+        "native_ms": float(native),
+        "ratio": float(native / portable),
+    }
+
+
+def _time(process: subprocess.Popen, number: int) -> float:
+    process.stdin.write(f"{number}\n")
+    process.stdin.flush()
+    return float(process.stdout.readline())

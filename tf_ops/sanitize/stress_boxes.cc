@@ -1,0 +1,61 @@
+// Rotated boxes: overlap, points inside, suppression.
+
+#include <cmath>
+
+#include "boxes/scenes.h"
+#include "sanitize/stress.h"
+
+namespace stress {
+namespace {
+
+constexpr int64_t kScenes = 2, kBoxes = 40, kPoints = 200;
+
+// Boxes that are crowded, and slivers and copies among them, where rounding is at its worst.
+std::vector<ptn::RotatedBox> crowded(std::mt19937* random) {
+  std::uniform_real_distribution<float> uniform(0, 4);
+  std::vector<float> values(kScenes * kBoxes * ptn::kBoxSize);
+  for (float& v : values) v = uniform(*random);
+  for (int64_t i = 0; i < kScenes * kBoxes; ++i) {
+    float* box = values.data() + i * ptn::kBoxSize;
+    if (i % 4 == 1) box[3 + i % 3] *= 1e-7F;
+    if (i % 4 == 2) std::copy_n(box - ptn::kBoxSize, 6, box);
+    if (i % 4 == 3) box[6] = static_cast<float>(i) * 1.57079633F;
+  }
+  return ptn::read_boxes(values.data(), kScenes * kBoxes);
+}
+
+void overlaps(const std::vector<ptn::RotatedBox>& all, ptn::PairIou pair) {
+  std::vector<float> iou(kScenes * kBoxes * kBoxes);
+  ptn::all_ious(pair, all.data(), all.data(), kScenes, kBoxes, kBoxes, iou.data(), real_threads(3));
+  for (int64_t i = 0; i < kScenes * kBoxes; ++i) {
+    const float* row = iou.data() + i * kBoxes;
+    for (int64_t j = 0; j < kBoxes; ++j) {
+      const float mirrored = iou[(i / kBoxes * kBoxes + j) * kBoxes + i % kBoxes];
+      expect(row[j] >= 0 && row[j] <= 1 && std::abs(row[j] - mirrored) < 1e-5F, "boxes", "iou", j);
+    }
+  }
+}
+
+}  // namespace
+
+void boxes(uint32_t seed) {
+  std::mt19937 random(seed);
+  const auto all = crowded(&random);
+  overlaps(all, ptn::iou_3d);
+  overlaps(all, ptn::iou_bev);
+  const std::vector<float> xyz = normal(kScenes * kPoints * 3, &random, 3.0F);
+  std::vector<int32_t> holder(kScenes * kPoints);
+  ptn::first_holders(xyz.data(), all.data(), kScenes, kPoints, kBoxes, holder.data(),
+                     real_threads(3));
+  for (int64_t i = 0; i < kScenes * kPoints; ++i) {
+    int64_t expected = -1;
+    for (int64_t b = kBoxes - 1; b >= 0; --b) {
+      if (all[i / kPoints * kBoxes + b].holds(xyz.data() + 3 * i)) expected = b;
+    }
+    expect(holder[i] == expected, "boxes", "holder", i);
+  }
+  const std::vector<float> scores = normal(kScenes * kBoxes, &random);
+  expect(!ptn::suppress(all, scores.data(), 0.1, 10).empty(), "boxes", "suppress", kBoxes);
+}
+
+}  // namespace stress

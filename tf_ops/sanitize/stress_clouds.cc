@@ -1,0 +1,107 @@
+// Sampling, ball query, nearest neighbours, the smallest of a row.
+
+#include <algorithm>
+#include <cmath>
+
+#include "sanitize/stress.h"
+
+namespace stress {
+namespace {
+
+using ptn::Clouds;
+
+std::vector<float> cloud(int64_t points, bool lattice, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<float> xyz = normal(3 * points, &random, 3.0F);
+  for (float& value : xyz) value = lattice ? std::round(value) : value;
+  return xyz;
+}
+
+float distance2(const float* a, const float* b) {
+  const float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+  return (x * x + y * y) + z * z;
+}
+
+struct Found {
+  std::vector<int32_t> sampled, ball, count, three, few, many, top;
+  std::vector<float> three2, few2, many2, top2;
+
+  bool operator==(const Found& o) const {
+    return sampled == o.sampled && ball == o.ball && count == o.count && three == o.three &&
+           few == o.few && many == o.many && top == o.top && three2 == o.three2 && few2 == o.few2 &&
+           many2 == o.many2 && top2 == o.top2;
+  }
+};
+
+constexpr int32_t kSamples = 40, kBall = 8, kThree = 3, kFewest = 5, kMost = 33;
+
+Found run_all(const Kernels& set, Clouds points, Clouds queries, const Parallel& threads) {
+  const size_t rows = static_cast<size_t>(queries.batch * queries.size);
+  Found f;
+  f.sampled.resize(static_cast<size_t>(points.batch * kSamples));
+  f.ball.resize(rows * kBall);
+  f.count.resize(rows);
+  const auto nearest = [&](int32_t k, std::vector<int32_t>* index, std::vector<float>* dist2) {
+    index->resize(rows * k);
+    dist2->resize(rows * k);
+    set.knn_point(points, queries, k, dist2->data(), index->data(), threads);
+  };
+  nearest(kThree, &f.three, &f.three2);
+  nearest(kFewest, &f.few, &f.few2);
+  nearest(kMost, &f.many, &f.many2);
+  // Of rows that are in order already, the first ones; ties keep their order.
+  f.top.resize(rows * kFewest);
+  f.top2.resize(rows * kFewest);
+  set.select_top_k(f.many2.data(), static_cast<int64_t>(rows), kMost, kFewest, f.top2.data(),
+                   f.top.data(), threads);
+  set.farthest_point_sample(points, kSamples, f.sampled.data(), threads);
+  set.query_ball_point(points, queries, 1.5F, kBall, f.ball.data(), f.count.data(), threads);
+  return f;
+}
+
+// The nearest neighbours of each query by sorting all distances.
+void check_neighbours(const Found& f, Clouds points, Clouds queries, const char* name) {
+  for (int64_t row = 0; row < queries.batch * queries.size; ++row) {
+    const float* cloud = points.xyz + row / queries.size * points.size * 3;
+    std::vector<std::pair<float, int32_t>> order;
+    for (int32_t i = 0; i < points.size; ++i) {
+      order.emplace_back(distance2(cloud + 3 * i, queries.xyz + 3 * row), i);
+    }
+    std::sort(order.begin(), order.end());
+    for (int32_t k = 0; k < kMost; ++k) {
+      const auto& expected = order[k < points.size ? k : 0];
+      expect(f.many[row * kMost + k] == expected.second, name, "knn, many", points.size);
+      if (k < kThree) {
+        expect(f.three[row * kThree + k] == expected.second, name, "three_nn", points.size);
+      }
+      if (k < kFewest) {
+        const float first = f.many2[row * kMost + k];
+        expect(f.few[row * kFewest + k] == expected.second, name, "knn, few", points.size);
+        expect(points.size < kMost || f.top2[row * kFewest + k] == first, name, "select_top_k",
+               points.size);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void clouds(const Sets& sets, uint32_t seed) {
+  for (const int64_t size : {1, 15, 16, 33, 300, 1100}) {
+    for (const bool lattice : {false, true}) {
+      for (const int64_t batch : {1, 3}) {
+        const auto a = cloud(batch * size, lattice, seed);
+        const auto b = cloud(batch * 37, lattice, seed + 1);
+        const Clouds points = {a.data(), batch, size}, queries = {b.data(), batch, 37};
+        const Found first = run_all(*sets[0], points, queries, ptn::serial());
+        check_neighbours(first, points, queries, sets[0]->name);
+        for (const Kernels* set : sets) {
+          const Found found = run_all(*set, points, queries, real_threads(3));
+          expect(found == first, set->name, "an op", size);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace stress
