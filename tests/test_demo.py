@@ -1,6 +1,7 @@
 """The demo's own path on a tiny configuration: whole, interrupted, repeated, with bad input."""
 
 import json
+import re
 
 import pytest
 from small_weights import write_weights
@@ -52,6 +53,9 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     assert table.splitlines()[4] in printed
     for name in ("table.md", "metrics.json", "index.html"):
         assert str(out / name) in printed
+    sources = re.findall(r'(?:src|href)="([^"]*)"', (out / "index.html").read_text())
+    assert len(sources) == len(pictures(out))  # nothing but the pictures, and these are inside
+    assert all(source.startswith("data:image/") for source in sources)
     made = {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)}
     assert all(str(path) in printed and path.stat().st_size > 1000 for path in made)
 

@@ -29,14 +29,15 @@ class Picture(NamedTuple):
 
 
 PICTURES = {
-    "birds_eye.png": "Bird's-eye view (the paper's Fig. 1): truth in green with dotted lines, "
-    "PointTrackNet in blue with solid lines and ids.",
+    "birds_eye.png": "Bird's-eye view (the paper's Fig. 1): true boxes in green, ways dotted; "
+    "PointTrackNet's boxes in blue with ids, ways solid.",
     "sampling.png": "Sampling (Fig. 3): points that the tracker's layers keep after the "
     "probability filter (green) and by farthest-point sampling alone (red).",
     "association.png": "Association head (Fig. 4): the neighbours in the next frame (solid blue) "
     "of one point (solid red).",
-    "trajectories.png": "Trajectories in 3-D (Fig. 6), one colour per id.",
-    "animation.gif": "The sequence with ids.",
+    "trajectories.png": "Trajectories in 3-D over 6 s (Fig. 6), one colour per id, at each "
+    "displacement; the grey points are the last scan.",
+    "animation.gif": "The sequence from above, one colour per id; true boxes are dotted.",
 }
 
 

@@ -45,6 +45,12 @@ def _collections(panel, kind=LineCollection):
     return [artist for artist in panel.collections if isinstance(artist, kind)]
 
 
+def _legend(figure) -> list[str]:
+    """The words of the one legend, which lies below the panels."""
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts()]
+
+
 def _rgba(color):
     from matplotlib.colors import to_rgba
 
@@ -66,6 +72,8 @@ def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
     assert found_trails.get_linestyles()[0][1] is None  # solid
     assert len(found_trails.get_segments()[0]) == FRAMES
     assert [text.get_text() for text in panel.texts] == ["0", "1", "2"]
+    way = "its way in the last 3 s"
+    assert _legend(figure) == ["PointTrackNet, with ids", way, "truth", way]
     path = save(figure, tmp_path / "a.png")
     assert np.asarray(Image.open(path).convert("L")).std() > 1
 
@@ -99,6 +107,9 @@ def test_sampling_has_a_panel_per_layer(clip):
         assert (plain.get_color(), filtered.get_color()) == ("tab:red", "tab:green")
         assert len(plain.get_xdata()) == len(filtered.get_xdata()) == count
         assert len(_collections(panel)[0].get_segments()) == 2
+    assert _legend(figure) == [
+        "farthest points of the whole scan", "after the probability filter", "true vehicles",
+    ]  # fmt: skip
 
 
 def test_share_in_boxes():
@@ -121,6 +132,8 @@ def test_association_shows_the_group_of_the_chosen_point():
     assert len(lines) == 3
     (circle,) = (patch for patch in right.patches if isinstance(patch, Circle))
     assert circle.radius == 5.0
+    assert "its nearest points, up to 4 within 5 m" in _legend(figure)
+    assert right.get_ylabel() == ""  # the lines to the group pass there
 
 
 def test_trajectories_have_a_row_per_clip_and_a_colour_per_id(clip):
@@ -134,8 +147,19 @@ def test_trajectories_have_a_row_per_clip_and_a_colour_per_id(clip):
         assert panel.get_xlabel() == "x forward (m)"
 
 
-def test_neighbouring_ids_differ_in_colour():
-    assert all(id_color(i) != id_color(i + 1) for i in range(40))
+def test_each_id_has_a_colour_of_its_own_that_shows_on_white():
+    colors = [_rgba(id_color(i))[:3] for i in range(200)]
+    assert len(set(colors)) == 200
+    assert max(map(min, colors)) < 0.3  # none is near white
+    neighbours = np.abs(np.diff(np.array(colors), axis=0)).max(axis=1)
+    assert neighbours.min() > 0.3
+
+
+def test_words_are_readable_on_a_phone(clip):
+    """A picture as wide as a phone (360 px) has letters of at least 7 px."""
+    for figure in (birds_eye(clip, 5), trajectories([clip], ["D = 0"])):
+        points = [t.get_fontsize() for panel in figure.axes for t in (*panel.texts, panel.title)]
+        assert min(points) / 72 * 360 / figure.get_figwidth() > 7
 
 
 def test_animation_has_a_picture_per_frame(clip, tmp_path):
