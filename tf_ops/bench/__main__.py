@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
 import os
 import platform
 from collections.abc import Sequence
@@ -25,7 +26,6 @@ from tf_ops.bench import tables
 
 THREADS = 2
 WHAT = ("table", "growth", "native", "readme", "serve")  # serve: one build's process of `native`
-GROUPS = ("one", "batch", "other")  # one cloud; eight clouds; boxes and features
 PEERS = ("fpsample", "pykdtree", "pynanoflann", "shapely", "scipy")
 
 
@@ -41,7 +41,10 @@ def parse(argv: Sequence[str] | None):
     parser.add_argument("--out", type=Path, default=ROOT / "tf_ops/docs", help="output folder")
     parser.add_argument("--calls", type=positive_int, default=21, help="timed calls of each")
     parser.add_argument(
-        "--group", choices=("all", *GROUPS), default="all", help="measure these rows of the table"
+        "--group",
+        choices=("all", "one", "batch", "large", "other"),
+        default="all",
+        help="measure these rows of the table, keep the others of its file",
     )
     parser.add_argument("--name", default="bench", help="name of the table's JSON file")
     parser.add_argument("--ours_only", action="store_true", help="leave the peers out")
@@ -106,14 +109,22 @@ def moment(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def table(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """The rows of the table against the peers."""
+    """The rows of the table against the peers; of groups not measured now, those of the file."""
     from tf_ops.bench import cases, timing
 
-    chosen = list(cases.group(args.group, args.kitti_root))
-    return [
-        timing.measure(case, args.calls, args.ours_only)
-        for case in progress(chosen, len(chosen), "bench", "case")
+    chosen = [
+        (name, case)
+        for name in (cases.GROUPS if args.group == "all" else [args.group])
+        for case in cases.group(name, args.kitti_root)
     ]
+    rows = [
+        {"group": name, **timing.measure(case, args.calls, args.ours_only)}
+        for name, case in progress(chosen, len(chosen), "bench", "case")
+    ]
+    path = args.out / f"{args.name}.json"
+    before = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.is_file() else []
+    rows += [row for row in before if row["group"] not in {name for name, _ in chosen}]
+    return sorted(rows, key=lambda row: cases.GROUPS.index(row["group"]))
 
 
 if __name__ == "__main__":

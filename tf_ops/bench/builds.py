@@ -28,7 +28,7 @@ def serve(kitti_root: Path) -> None:
     """The process of one build: names of the cases, then a time in seconds for each number."""
     from tf_ops.bench import cases, timing
 
-    chosen = list(cases.group("all", kitti_root))
+    chosen = [case for name in cases.GROUPS for case in cases.group(name, kitti_root)]
     print("\t".join(f"{case.name}\t{case.batch}" for case in chosen), flush=True)
     for line in sys.stdin:
         print(timing.seconds(chosen[int(line)].ours), flush=True)

@@ -43,8 +43,7 @@ def knn_peers(k: int, clouds: np.ndarray, queries: np.ndarray) -> dict[str, Call
 def cloud_cases(kitti_root: Path, batch: int) -> Iterator[Case]:
     """Ops on coordinates. A batch is the same cloud, turned about the vertical."""
     xyz = turned(scans.scan(kitti_root, 15000)[0], batch)
-    large = turned(scans.synthesised_scan(100000), batch)
-    points, many = tf.constant(xyz), tf.constant(large)
+    points = tf.constant(xyz)
     sampled = tf_ops.gather_point(points, tf_ops.farthest_point_sample(2048, points))
     sparse = sampled[:, :512]  # the farthest 512 are the first 512 of the farthest 2048
     s, p = sampled.numpy(), sparse.numpy()
@@ -55,13 +54,8 @@ def cloud_cases(kitti_root: Path, batch: int) -> Iterator[Case]:
         fps_peers(xyz, 2048),
         0.5,
     )
-    yield Case(
-        "FPS 100000 -> 16384",
-        batch,
-        lambda: tf_ops.farthest_point_sample(16384, many),
-        fps_peers(large, 16384),
-        0.7,
-    )
+    if batch == 1:
+        yield large_case(1)
     yield Case(
         "ball query, r = 1, 32 of 15000 for 2048",
         batch,
@@ -89,6 +83,18 @@ def cloud_cases(kitti_root: Path, batch: int) -> Iterator[Case]:
         lambda: tf_ops.three_nn(points, sampled),
         knn_peers(3, s, xyz),
         0.5,
+    )
+
+
+def large_case(batch: int) -> Case:
+    large = turned(scans.synthesised_scan(100000), batch)
+    points = tf.constant(large)
+    return Case(
+        "FPS 100000 -> 16384",
+        batch,
+        lambda: tf_ops.farthest_point_sample(16384, points),
+        fps_peers(large, 16384),
+        0.7,
     )
 
 
@@ -146,12 +152,17 @@ def feature_cases(kitti_root: Path) -> Iterator[Case]:
         )
 
 
+GROUPS = ("one", "batch", "large", "other")
+
+
 def group(name: str, kitti_root: Path) -> Iterator[Case]:
-    """The cases of a group: `one` cloud, a `batch` of eight, `other` (boxes, features), `all`."""
-    if name in ("one", "all"):
+    """The cases of `one` cloud, of a `batch` of eight, of eight `large` ones, and all `other`."""
+    if name == "one":
         yield from cloud_cases(kitti_root, 1)
-    if name in ("batch", "all"):
+    elif name == "batch":
         yield from cloud_cases(kitti_root, 8)
-    if name in ("other", "all"):
+    elif name == "large":
+        yield large_case(8)
+    else:
         yield box_case()
         yield from feature_cases(kitti_root)

@@ -48,6 +48,7 @@ def builds_table(report: Report) -> str:
 def moment(report: Report) -> str:
     """When, where and how the figures were taken."""
     p = report["provenance"]
+    times = sorted(row.get("time", p["time_utc"]) for row in report["rows"])
     return (
         f"{p['processor']}, {p['threads']} threads each, medians of {p['calls']} calls that take "
         f"turns; {p['scan']};\n{p['time_utc']}, commit {str(p['git_commit'])[:7]}."

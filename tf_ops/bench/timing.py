@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from datetime import datetime, timezone
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,8 @@ def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
     """One row of the table: median times in milliseconds, and their ratio to the best peer's."""
     for _ in range(WARM_UP):
         case.ours()
-    row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal}
+    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal, "time": now}
     if ours_only:
         return row | {"ours_ms": 1e3 * float(np.median([seconds(case.ours) for _ in range(calls)]))}
     probes = {name: min(seconds(peer) for _ in range(PROBE)) for name, peer in case.peers.items()}
