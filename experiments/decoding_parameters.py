@@ -1,0 +1,159 @@
+"""How the decoding of per-point predictions into boxes was chosen (models/detections.py).
+
+    python -m experiments.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
+
+Runs the detector once over frames of a held-out training sequence, and decodes with
+one parameter changed at a time. The figure is 1 - (misses + false boxes) / true boxes at 3-D
+IoU 0.5: what MOTA would be without identity switches. The least score is the best of a sweep.
+Writes decoding_parameters.md and .json.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from common.flags import non_negative_int, positive_int, run
+from common.progress import progress
+from evaluation.scene import Scene
+from experiments.cli import make_parser, write
+from kitti.displacement import DisplacementModel
+from kitti.iou import iou_3d
+from kitti.labels import VEHICLES
+from kitti.scans import sample_points
+from kitti.sequence import open_sequences
+from kitti.splits import parse_sequences
+from models.detections import DecodingConfig, decode_detections
+from models.detector import BoxPredictions, detector_inputs
+from models.probability_filter import foreground_probability
+from training.weights import load_detector
+
+TRIALS: dict[str, tuple] = {
+    "min_probability": (0.2, 0.3, 0.4, 0.5, 0.6),
+    "cell": (0.3, 0.5, 1.0),
+    "proposals_per_cell": (10, 20, 40, 80),
+    "nms_iou": (0.02, 0.1, 0.2),
+    "vote_iou": (0.3, 0.4, 0.5, 0.6),
+    "doubt": (0.0, 2.0, 4.0, 8.0, 16.0),
+}
+LEAST_SCORES = np.arange(0.0, 0.8, 0.025)
+MIN_IOU = 0.5
+
+
+class Frame(NamedTuple):
+    """What the detector says about the likely points of one frame, and the truth."""
+
+    query: np.ndarray  # (1, Q, 3) metres, level frame
+    predictions: BoxPredictions  # (1, Q, ...)
+    truth: np.ndarray  # (M, 7) level boxes of vehicles
+
+
+def predict(detector, detect, points: np.ndarray, truth: np.ndarray, rng) -> Frame:
+    """One frame through the detector; points below every trial's min_probability are dropped."""
+    rows = sample_points(points, detector.config.num_points, rng)
+    xyz = np.ascontiguousarray(points[rows, :3], np.float32)[None]
+    found = tf.nest.map_structure(lambda x: x.numpy(), detect(xyz))
+    probability = foreground_probability(tf.constant(found.mask_logits)).numpy()[0]
+    likely = probability >= min(TRIALS["min_probability"])
+    kept = tf.nest.map_structure(lambda x: x[:, likely], found)
+    return Frame(xyz[:, likely], kept, truth)
+
+
+def frames_of(sequences, detector, every: int, displacement: float, seed: int) -> list[Frame]:
+    """Every `every`-th frame with a scan, objects displaced by up to `displacement` metres."""
+    specification = [tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)]
+
+    @tf.function(input_signature=specification, jit_compile=False)
+    def detect(xyz):
+        return detector(detector_inputs(xyz, detector.config), training=False).boxes
+
+    model = DisplacementModel(distance=displacement, seed=seed) if displacement else None
+    scenes = [Scene(sequence, model) for sequence in sequences]
+    chosen = [(s, t) for s in scenes for t in range(0, s.num_frames, every)]
+    frames = []
+    for scene, t in progress(chosen, len(chosen), "detector", "frames"):
+        points, truth = scene.points(t), scene.objects.at(t).of_classes(VEHICLES).boxes
+        if points is not None and len(points):
+            rng = np.random.default_rng([seed, int(scene.name), t])
+            frames.append(predict(detector, detect, points, truth, rng))
+    return frames
+
+
+def score(frames: list[Frame], box, config: DecodingConfig) -> dict[str, float]:
+    """Recall, precision and accuracy at the least score that gives the best accuracy."""
+    total, hits, scores = 0, [], []
+    everything = dataclasses.replace(config, min_score=0.0)
+    for frame in frames:
+        found = decode_detections(frame.query, frame.predictions, box, everything)[0]
+        total += len(frame.truth)
+        hits.append(_hits(frame.truth, found.boxes))
+        scores.append(found.scores)
+    hit, value = np.concatenate(hits), np.concatenate(scores)
+    best = {"accuracy": -np.inf}
+    for least in LEAST_SCORES:
+        kept = value >= least
+        right, found = int(hit[kept].sum()), int(kept.sum())
+        accuracy = 1 - (total - right + found - right) / max(total, 1)
+        if accuracy > best["accuracy"]:
+            recall, precision = right / max(total, 1), right / max(found, 1)
+            best = {
+                "accuracy": accuracy,
+                "recall": recall,
+                "precision": precision,
+                "min_score": float(least),
+            }
+    return best
+
+
+def _hits(truth: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """(K,) bool: boxes, best first, that take a true box of their own."""
+    hit, free = np.zeros(len(boxes), bool), np.ones(len(truth), bool)
+    iou = iou_3d(boxes, truth)
+    for row in range(len(boxes)):
+        overlap = np.where(free, iou[row], 0.0)
+        if overlap.max(initial=0.0) >= MIN_IOU:
+            hit[row], free[overlap.argmax()] = True, False
+    return hit
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parses the flags, decodes with every trial, writes the table."""
+    parser = make_parser(__doc__, "0011")
+    add = parser.add_argument
+    add("--weights", type=Path, default=Path("weights/detector.npz"), help="detector checkpoint")
+    add("--every", type=positive_int, default=5, help="take every n-th frame")
+    add("--displacement", type=float, default=0.0, help="of objects, metres")
+    add("--seed", type=non_negative_int, default=0, help="of sampling and displacement")
+    args = parser.parse_args(argv)
+    sequences = open_sequences(args.data_root, parse_sequences(args.seqs), "training")
+    detector = load_detector(args.weights)
+    frames = frames_of(sequences, detector, args.every, args.displacement, args.seed)
+    default, rows = DecodingConfig(), []
+    trials: list[tuple[str, Any]] = [(n, v) for n, values in TRIALS.items() for v in values]
+    for name, value in progress(trials, len(trials), "decoding", "trials"):
+        config = dataclasses.replace(default, **{name: value})
+        rows.append((name, value, score(frames, detector.config.box, config)))
+    write(args.out, "decoding_parameters", "Decoding", _table(default, rows), _figures(rows))
+
+
+def _table(default: DecodingConfig, rows) -> str:
+    lines = ["| parameter | value | accuracy | recall | precision | at min_score |"]
+    lines.append("|---|---|---|---|---|---|")
+    for name, value, best in rows:
+        star = " *" if value == getattr(default, name) else ""
+        figures = " | ".join(f"{best[key]:.3f}" for key in ("accuracy", "recall", "precision"))
+        lines.append(f"| {name} | {value}{star} | {figures} | {best['min_score']:.3f} |")
+    return "\n".join([*lines, "", "* the default.", ""])
+
+
+def _figures(rows) -> list[dict[str, Any]]:
+    return [{"parameter": name, "value": value, **best} for name, value, best in rows]
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))
