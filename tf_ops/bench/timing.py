@@ -12,13 +12,19 @@ import numpy as np
 from tf_ops.bench.cases import Case
 
 WARM_UP = 2
-PROBE = 2  # calls of each peer that choose the best one
+LONG_S = 1.0  # a peer is probed twice, unless its first call takes longer
 
 
 def seconds(call: Callable[[], object]) -> float:
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
+
+
+def probe(peer: Callable[[], object]) -> float:
+    """Seconds of a call, to choose the best peer by."""
+    first = seconds(peer)
+    return first if first > LONG_S else min(first, seconds(peer))
 
 
 def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
@@ -29,7 +35,7 @@ def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
     row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal, "time": now}
     if ours_only:
         return row | {"ours_ms": 1e3 * float(np.median([seconds(case.ours) for _ in range(calls)]))}
-    probes = {name: min(seconds(peer) for _ in range(PROBE)) for name, peer in case.peers.items()}
+    probes = {name: probe(peer) for name, peer in case.peers.items()}
     best = min(probes, key=probes.get)
     times = np.array([(seconds(case.ours), seconds(case.peers[best])) for _ in range(calls)])
     ours, peer = 1e3 * np.median(times, axis=0)
