@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
+import json
 import os
 import re
 import shlex
@@ -34,6 +36,7 @@ class Here(NamedTuple):
 SHORTER = {"0000-0015": "0000"}
 ONE_STEP = ("--smoke", "--schedule.batch_size", "1", "--val_seqs", "0016")
 TWO_STEPS = ("--smoke", "--schedule.batch_size", "2", "--val_seqs", "0016", "--seqs", "0000")
+NO_STEP = ("--schedule.epochs", "0", "--val_seqs", "0016", "--seqs", "0000")  # see test_ablation
 DETECTOR = tuple(config_flags(SMALL_DETECTOR, "detector"))
 TRACKER = tuple(config_flags(SMALL_TRACKER, "tracker"))
 NAMED = {"--tracker.fusion", "--tracker.fused_features"}  # in the commands themselves
@@ -61,8 +64,8 @@ RUNS: dict[str, Here | str] = {  # a part that one command of the README has and
     "--workdir runs/detector": Here((*ONE_STEP, *DETECTOR)),
     "--workdir runs/tracker": Here((*ONE_STEP, *TRACKER)),
     "training.export": Here(),
-    "--tracker.fusion ": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
-    "--tracker.fused_features": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
+    "--tracker.fusion ": Here((*NO_STEP, *ROW)),
+    "--tracker.fused_features": Here((*NO_STEP, *ROW)),
     '"index": 0': Here((*TWO_STEPS, *DETECTOR)),
     '"index": 1': Here((*TWO_STEPS, *DETECTOR)),
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
@@ -134,13 +137,27 @@ def test_named_tests_exist(name):
 
 
 def test_make_runs_the_demo_and_the_tests():
-    def recipe(target):
-        command = ["make", "-n", "--no-print-directory", "-C", str(ROOT), target]
+    def recipe(*words):
+        command = ["make", "-n", "--no-print-directory", "-C", str(ROOT), *words]
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-        return done.stdout.splitlines()[-1].split()[:3]
+        return done.stdout.splitlines()[-1].split()
 
     assert recipe("demo") == [PYTHON, "demo.py"]
-    assert recipe("test") == [PYTHON, "-m", "pytest"]
+    assert recipe("test")[:3] == [PYTHON, "-m", "pytest"]
+    (shorter,) = re.findall(r'`make (DEMO_FLAGS="[^"]+" demo)`', README)
+    assert recipe(*shlex.split(shorter)) == [PYTHON, "demo.py", "--frames", "20"]
+
+
+def _trace_once(monkeypatch):
+    """These commands use the same weights: their graphs are made once, which takes most time."""
+    from models.inference import StreamingNetwork
+    from training.weights import load_networks
+
+    load, build = functools.cache(load_networks), functools.cache(StreamingNetwork)
+    for module in ("evaluation.network", "training.weights"):
+        monkeypatch.setattr(f"{module}.load_networks", load)
+    for module in ("evaluation.network", "models.inference"):
+        monkeypatch.setattr(f"{module}.StreamingNetwork", build)
 
 
 @pytest.mark.slow
@@ -149,6 +166,7 @@ def test_commands_on_kitti(tmp_path, monkeypatch, capsys):
         two_cars().write_sequence(tmp_path / "KITTI", seq, frames=3)
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
+    _trace_once(monkeypatch)
     done = _run_section(ON_KITTI, monkeypatch)
     outputs = [re.search(r"--out (\S+)", command) for command in done]
     assert len(done) == 10
@@ -165,8 +183,12 @@ def test_training_commands(tmp_path, monkeypatch, capsys):
     assert Path("data/replay/training/label_02/0001.txt").is_file()
     for name in ("detector.npz", "tracker.npz", "training.md"):
         assert Path("runs/weights", name).is_file()
-    for name in ("concat", "fc2"):
-        assert Path("runs", name, "checkpoints", "best.npz").is_file()
+    for name, field, value in (
+        ("concat", "fusion", "concat"),
+        ("fc2", "fused_features", "filter+FC2"),
+    ):
+        config = json.loads(Path("runs", name, "config.json").read_text())["config"]
+        assert config["tracker"][field] == value
 
 
 @pytest.mark.slow
