@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,9 @@ def measure(calls: int, kitti_root: Path) -> list[dict[str, Any]]:
 
 
 def _row(servers, number: int, name: str, batch: int, calls: int) -> dict[str, Any]:
-    times = np.array([[_time(s, number) for s in servers] for _ in range(WARM_UP + calls)])
+    from tf_ops.bench import timing
+
+    times = timing.in_turns([partial(_time, s, number) for s in servers], WARM_UP + calls)
     portable, native = 1e3 * np.median(times[WARM_UP:], axis=0)
     return {
         "case": name,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,16 @@ def seconds(call: Callable[[], object]) -> float:
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
+
+
+def in_turns(timers: Sequence[Callable[[], float]], calls: int) -> np.ndarray:
+    """(calls, timers) results; every other round runs backwards, so that none is always first."""
+    rounds = []
+    for i in range(calls):
+        order = range(len(timers)) if i % 2 == 0 else reversed(range(len(timers)))
+        found = {k: timers[k]() for k in order}
+        rounds.append([found[k] for k in range(len(timers))])
+    return np.array(rounds)
 
 
 def probe(peer: Callable[[], object]) -> float:
@@ -37,7 +48,7 @@ def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
         return row | {"ours_ms": 1e3 * float(np.median([seconds(case.ours) for _ in range(calls)]))}
     probes = {name: probe(peer) for name, peer in case.peers.items()}
     best = min(probes, key=probes.get)
-    times = np.array([(seconds(case.ours), seconds(case.peers[best])) for _ in range(calls)])
+    times = in_turns([partial(seconds, call) for call in (case.ours, case.peers[best])], calls)
     ours, peer = 1e3 * np.median(times, axis=0)
     spread = 1e3 * np.percentile(times, [25, 75], axis=0).T
     return row | {
