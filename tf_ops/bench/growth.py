@@ -20,7 +20,7 @@ from tf_ops.bench.timing import seconds
 SIZES = tuple(round(n) for n in np.logspace(3, 6, 7))
 QUERIES = 2048
 BUDGET_S = 0.3  # per curve and size; at least one call
-LIMIT_MS = 5000.0  # a curve ends after two sizes that take longer
+LIMIT_MS = 500.0  # a curve ends after two sizes that take longer
 
 Curve = Callable[[np.ndarray], Callable[[], object]]
 
