@@ -139,12 +139,20 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
         return TrackerTask(config, load_detector(args.detector), training, validation)
 
     config = configured(row, TrackerTrainingConfig())
-    if train(row, task, config):
-        raise InputError(f"{name}: the training diverged", workdir)
     checkpoints = CheckpointFolder(workdir / "checkpoints", config.schedule.keep_checkpoints)
+    if not _at_its_end(checkpoints, config.schedule.epochs) and train(row, task, config):
+        raise InputError(f"{name}: the training diverged", workdir)
     last = checkpoints.path(checkpoints.steps()[-1])
     write_bytes(weights / "detector.npz", args.detector.read_bytes())
     write_bytes(weights / "tracker.npz", last.read_bytes())
+
+
+def _at_its_end(checkpoints, epochs: int) -> bool:
+    """Whether the last checkpoint is that of the last epoch, figures included."""
+    from training.checkpoint import load
+
+    steps = checkpoints.steps()
+    return bool(steps) and load(checkpoints.path(steps[-1]))[0]["figures"].get("epoch") == epochs
 
 
 class TrueBoxes:

@@ -78,6 +78,11 @@ def test_table3_goes_on_where_it_was_interrupted(root, tmp_path, monkeypatch):
     assert "| paper: cosine distance | 0.747 | 0.811 | 0.680 | 0.047 |" in text
     assert "| true boxes, 2 m |" in text and "1 epochs of 2 pairs, seed 0" in text
 
+    (tmp_path / "work" / "cosine_distance" / "weights" / "tracker.npz").unlink()
+    assert flags.run(table3.main, argv) == 0  # killed between the last step and the export
+    assert len(trained) == 3
+    assert json.loads((tmp_path / "tables" / "table3.json").read_text())["figures"] == record
+
     with pytest.raises(InputError, match="holds rows with another config"):
         table3.main([*argv, "--schedule.seed", "1"])
 
