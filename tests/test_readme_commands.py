@@ -36,7 +36,6 @@ class Here(NamedTuple):
 SHORTER = {"0000-0015": "0000"}
 ONE_STEP = ("--smoke", "--schedule.batch_size", "1", "--val_seqs", "0016")
 TWO_STEPS = ("--smoke", "--schedule.batch_size", "2", "--val_seqs", "0016", "--seqs", "0000")
-NO_STEP = ("--schedule.epochs", "0", "--val_seqs", "0016", "--seqs", "0000")  # see test_ablation
 DETECTOR = tuple(config_flags(SMALL_DETECTOR, "detector"))
 TRACKER = tuple(config_flags(SMALL_TRACKER, "tracker"))
 NAMED = {"--tracker.fusion", "--tracker.fused_features"}  # in the commands themselves
@@ -64,8 +63,8 @@ RUNS: dict[str, Here | str] = {  # a part that one command of the README has and
     "--workdir runs/detector": Here((*ONE_STEP, *DETECTOR)),
     "--workdir runs/tracker": Here((*ONE_STEP, *TRACKER)),
     "training.export": Here(),
-    "--tracker.fusion ": Here((*NO_STEP, *ROW)),
-    "--tracker.fused_features": Here((*NO_STEP, *ROW)),
+    "--tracker.fusion ": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
+    "--tracker.fused_features": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
     '"index": 0': Here((*TWO_STEPS, *DETECTOR)),
     '"index": 1': Here((*TWO_STEPS, *DETECTOR)),
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
