@@ -31,11 +31,9 @@ def run(
 ) -> int:
     """Runs `main(argv)`; bad input and full disks become one line on stderr and exit code 2.
 
-    TensorFlow's start-up messages, which speak of a GPU that is not there, are kept out of it.
-
     Returns the exit code: 0 on success, 2 for `InputError` and `OSError`, 130 when interrupted.
     """
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # less of TensorFlow's start-up messages
     try:
         return main(argv) or 0
     except InputError as error:

@@ -22,9 +22,11 @@ from common.errors import InputError
 from common.files import atomic_path
 from common.provenance import ROOT
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource, Detected
+from evaluation.sources import BoxSource, Detected, GroundTruthBoxes
+from kitti.labels import VEHICLES
 
 FORMAT = 2
+MOTION = ("points", "foreground", "displacement")  # of `BoxSource`: what the tracker graph says
 SOURCES = ("models/*.py", "evaluation/network.py", "evaluation/recording.py")
 """The code whose outputs are recorded."""
 
@@ -111,6 +113,20 @@ class RecordedNetwork:
     def _arrays(self, scene: Scene) -> dict[str, np.ndarray]:
         self.record(scene)
         return _read(self.path(scene))
+
+
+class TrueBoxes:
+    """A `BoxSource`: the labelled vehicles' boxes, with the displacement of recorded networks."""
+
+    def __init__(self, recorded: RecordedNetwork):
+        self.recorded, self.labelled = recorded, GroundTruthBoxes(VEHICLES)
+
+    def frames(self, scene: Scene) -> Iterator[Detected]:
+        """See `BoxSource.frames`."""
+        pairs = zip(self.labelled.frames(scene), self.recorded.frames(scene), strict=True)
+        for (t, boxes, scores, extras), (*_, network) in pairs:
+            moved = {key: network[key] for key in MOTION if key in network}
+            yield t, boxes, scores, {**extras, **moved}
 
 
 class Stopwatch:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,23 +24,20 @@ from common.errors import InputError
 from common.files import write_bytes, write_json
 from common.progress import Progress
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_threshold
-from evaluation.recording import RecordedNetwork
+from evaluation.recording import RecordedNetwork, TrueBoxes
 from evaluation.run import check_writable, evaluate
-from evaluation.scene import Scene
 from evaluation.side_by_side import displaced_scenes
-from evaluation.sources import BoxSource, Detected, GroundTruthBoxes
+from evaluation.sources import BoxSource
 from evaluation.table import markdown
 from experiments.cli import write
 from experiments.demonstration import DemoConfig
 from experiments.network_exam import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
-from kitti.labels import VEHICLES
 from kitti.splits import parse_sequences
 from training.command_line import configured, open_data, train
 from training.config import TrackerTrainingConfig
 
 DISTANCES = (0.0, 2.0)
-MOTION = ("points", "foreground", "displacement")  # of `BoxSource`: what the tracker graph says
 BOXES = {NETWORK: "network boxes", GROUND_TRUTH: "true boxes"}
 
 
@@ -153,20 +150,6 @@ def _at_its_end(checkpoints, epochs: int) -> bool:
 
     steps = checkpoints.steps()
     return bool(steps) and load(checkpoints.path(steps[-1]))[0]["figures"].get("epoch") == epochs
-
-
-class TrueBoxes:
-    """A `BoxSource`: the labelled boxes, with the displacement of a recorded network."""
-
-    def __init__(self, recorded: RecordedNetwork):
-        self.recorded, self.labelled = recorded, GroundTruthBoxes(VEHICLES)
-
-    def frames(self, scene: Scene) -> Iterator[Detected]:
-        """See `BoxSource.frames`."""
-        pairs = zip(self.labelled.frames(scene), self.recorded.frames(scene), strict=True)
-        for (t, boxes, scores, extras), (*_, network) in pairs:
-            moved = {key: network[key] for key in MOTION if key in network}
-            yield t, boxes, scores, {**extras, **moved}
 
 
 def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:

@@ -3,14 +3,15 @@
     python -m experiments.network_exam --data_root ../shared/kitti --seqs 0000 --out results/exam
 
 Box recall and precision at 3-D IoU 0.25 and 0.5 (also for boxes with 50 or more points), end-point
-error of the displacement on foreground points, and MOTA of each tracker on the same boxes, at
-displacement 0 and 2 m. Prints a table; writes exam.md and exam.json. The networks run once for
-each displacement; an interrupted run goes on.
+error of the displacement on foreground points, and MOTA of each tracker on the same boxes
+and PointTrackNet's on true boxes, at displacement 0 and 2 m. Prints a table; writes exam.md and
+exam.json. The networks run once for each displacement; an interrupted run goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ from common.flags import ArgumentParser, finite_float, run
 from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import EvaluateConfig
-from evaluation.recording import RecordedNetwork
+from evaluation.recording import RecordedNetwork, TrueBoxes
+from evaluation.run import evaluate
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_recorded
 from kitti.boxes import points_in_boxes
@@ -84,7 +86,7 @@ def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
 
 def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dict[str, Any]:
     """All figures at one displacement."""
-    scenes = displaced_scenes(config)
+    scenes, distance = displaced_scenes(config), config.displacement
     with Progress(sum(s.num_frames for s in scenes), "networks", "frames") as bar:
         for scene in scenes:
             if not recorded.record(scene, bar.update):
@@ -103,10 +105,13 @@ def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dic
     figures["end-point error (m)"] = float(errors.mean()) if len(errors) else None
     for min_iou in MIN_IOUS:
         for tracker in SIDE_BY_SIDE:
-            name = f"{tracker}-{min_iou}-{config.displacement}"
-            chosen = EvaluateConfig(**{**vars(config), "iou": min_iou})
+            name = f"{tracker}-{min_iou}-{distance}"
+            chosen = replace(config, iou=min_iou)
             record = evaluate_recorded(chosen, recorded, tracker, out / name)
             figures[f"MOTA@{min_iou}, {tracker}"] = record["clear3d"]["overall"]["MOTA"]
+    chosen = replace(config, detections="gt", score_threshold=None, out=out / f"gt-{distance}")
+    record = evaluate(chosen, source=TrueBoxes(recorded))
+    figures["MOTA@0.5, pointtracknet on true boxes"] = record["clear3d"]["overall"]["MOTA"]
     return figures
 
 

@@ -3,7 +3,9 @@
     python -m experiments.table2 --out results/table2
 
 Everything is measured in one process, ours and the plain version in turn; medians of --repeats.
-Scans are simulated. Prints a table; writes table2.json and table2.md.
+Scans are simulated; the stream runs the networks of --weights, so that it decodes as many boxes as
+in earnest. A step of training is timed with the input pipeline and with one batch again and again:
+their difference is what the pipeline costs. Prints a table; writes table2.json and table2.md.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from common.flags import ArgumentParser, positive_int, run
 from common.progress import Progress
 from common.provenance import provenance
 from kitti.scans import sample_points
+from kitti.sequence import Sequence as KittiSequence
 
 PAPER = {  # seconds; Table II, GTX 1080 Ti
     (15000, 5000): 0.099,
@@ -47,29 +50,14 @@ def median_seconds(call: Callable[[], object], repeats: int) -> float:
     return statistics.median(times)
 
 
-def simulated_scans(count: int) -> list[np.ndarray]:
-    """Consecutive scans (n, 3), level frame, camera crop, of the simulator's own traffic."""
-    from kitti.sequence import Sequence as KittiSequence
-    from simulator.__main__ import main as simulate
+def simulate(folder: Path, count: int) -> KittiSequence:
+    """A sequence of the simulator's own traffic, written to `folder`."""
+    from simulator.__main__ import main as run_simulator
 
-    with tempfile.TemporaryDirectory() as folder:
-        simulate(
-            [
-                "--out",
-                folder,
-                "--split",
-                "val",
-                "--sequences",
-                "1",
-                "--frames",
-                str(count),
-                "--seed",
-                "0",
-            ]
-        )
-        (labels,) = (Path(folder) / "training" / "label_02").glob("*.txt")
-        sequence = KittiSequence(folder, int(labels.stem))
-        return [sequence.read_points_level(t)[:, :3] for t in range(count)]
+    flags = ["--split", "val", "--sequences", "1", "--frames", str(count), "--seed", "0"]
+    run_simulator(["--out", str(folder), *flags])
+    (labels,) = (folder / "training" / "label_02").glob("*.txt")
+    return KittiSequence(folder, int(labels.stem))
 
 
 def matmul_rate(repeats: int) -> float:
@@ -108,15 +96,14 @@ def multiplications(config) -> float:
     return float(total)
 
 
-def detector_times(scans: list[np.ndarray], repeats: int) -> dict[str, float]:
+def detector_times(config, scans: list[np.ndarray], repeats: int) -> dict[str, float]:
     """Seconds a frame, forward and forward with backward, ours and plain, batch of 8."""
     import tensorflow as tf
 
     from experiments.plain_detector import PlainDetector
-    from models.config import DetectorConfig
     from models.detector import Detector, detector_inputs
 
-    config, batch = DetectorConfig(), 8
+    batch = 8
     rng = np.random.default_rng(0)
     chosen = [scans[i % len(scans)] for i in range(batch)]
     xyz = np.stack([p[sample_points(p, config.num_points, rng)] for p in chosen])
@@ -152,34 +139,64 @@ def detector_times(scans: list[np.ndarray], repeats: int) -> dict[str, float]:
     return times
 
 
-def stream_times(scans, repeats: int) -> dict[tuple[int, int], float]:
-    """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
-    from models.box_coding import head_channels
-    from models.config import DetectorConfig, TrackerConfig
+def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, float]:
+    """Seconds a frame of training in batches of 4, with the input pipeline and without it."""
+    from training.config import DetectorTrainingConfig, ScheduleConfig
+    from training.detector_task import DetectorTask
+    from training.loop import compile_train_step, start, training_data
+    from training.strategies import make_strategy
+
+    schedule = ScheduleConfig(batch_size=4)
+    training = DetectorTrainingConfig(detector=config, schedule=schedule)
+    task = DetectorTask(training, [sequence], [])
+    with tempfile.TemporaryDirectory() as folder:
+        run = start(lambda: task, make_strategy("one"), folder, {})
+    batches, step = iter(training_data(run, 0, 2 * repeats + 4)), compile_train_step(run)
+    same = next(batches)
+
+    def wait(terms):
+        return float(terms["loss"])
+
+    alone = median_seconds(lambda: wait(step(same)), repeats)
+    piped = median_seconds(lambda: wait(step(next(batches))), repeats)
+    return {
+        "step of training, one batch again": alone / schedule.batch_size,
+        "step of training, input pipeline included": piped / schedule.batch_size,
+    }
+
+
+def resized(networks, num_points: int, num_kept_points: int):
+    """The networks with other N and N', on which no weight depends."""
     from models.detector import Detector
+    from models.tracker import Tracker
+
+    detector, tracker = networks
+    config = dataclasses.replace(detector.config, num_points=num_points)
+    track = dataclasses.replace(tracker.config, num_kept_points=num_kept_points)
+    others = Detector(config), Tracker(tracker.in_channels, track)
+    for other, network in zip(others, networks, strict=True):
+        other.set_weights(network.get_weights())
+    return others
+
+
+def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
+    """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
     from models.inference import StreamingNetwork
-    from models.tracker import Tracker, tracker_channels
-    from tracking import make_tracker
+    from tracking import foreground_motion, make_tracker
 
     times = {}
     with Progress(len(PAPER), "N, N'", "setting") as bar:
         for n, kept in PAPER:
-            config = dataclasses.replace(DetectorConfig(), num_points=n)
-            track = dataclasses.replace(TrackerConfig(), num_kept_points=kept)
-            channels = tracker_channels(track, config, head_channels(config.box))
-            network = StreamingNetwork(Detector(config), Tracker(channels, track))
+            network = StreamingNetwork(*resized(networks, n, kept))
             tracker, state = make_tracker("pointtracknet"), [network.detect(scans[0], 0)]
 
             def step(network=network, tracker=tracker, state=state):
                 current = network.detect(scans[1], 1)
-                displacement = network.displacement(state[0], current)
+                moved = network.displacement(state[0], current)
+                motion = foreground_motion(state[0].points, moved, state[0].foreground)
                 tracker.predict()
-                tracker.update(
-                    current.detections.boxes,
-                    current.detections.scores,
-                    points=state[0].points,
-                    displacement=displacement,
-                )
+                found = current.detections
+                tracker.update(found.boxes, found.scores, **motion)
 
             times[n, kept] = median_seconds(step, repeats)
             bar.update()
@@ -199,11 +216,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Measures, prints, writes."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--repeats", type=positive_int, default=7, help="calls per median")
+    parser.add_argument("--weights", type=Path, default=Path("weights"), metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("results/table2"))
     flags = parser.parse_args(argv)
-    scans = simulated_scans(2)
-    detector = detector_times(scans, flags.repeats)
-    stream = stream_times(scans, flags.repeats)
+    from training.weights import load_networks
+
+    networks = load_networks(flags.weights)
+    config = networks[0].config
+    with tempfile.TemporaryDirectory() as folder:
+        sequence = simulate(Path(folder), 8)
+        scans = [sequence.read_points_level(t)[:, :3] for t in (0, 1)]
+        detector = detector_times(config, scans, flags.repeats)
+        detector |= training_times(config, sequence, flags.repeats)
+    stream = stream_times(networks, scans, flags.repeats)
     record = provenance(config={"repeats": flags.repeats})
     text = table(detector, stream, record["command"])
     print(text, end="")

@@ -81,7 +81,7 @@ class Tracker(keras.Model):
 
     def __init__(self, channels: int, config: TrackerConfig, **kwargs):
         super().__init__(name="tracker", **kwargs)
-        self.config = config
+        self.config, self.in_channels = config, channels
         momentum = config.batch_norm_momentum
         sa1, sa2 = config.set_abstraction
         fp1, fp2 = config.refinement_upconv

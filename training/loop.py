@@ -110,10 +110,13 @@ def run_training(run: Run, resume: bool = False) -> dict[str, float]:
     if run.chief and not resume:
         write_json(workdir / "config.json", run.started)
     history = History(workdir / "history.csv", step)
+    if step >= schedule.epochs * run.order.steps_per_epoch:
+        print("nothing left to train: all epochs are done", flush=True)
+        return history.rows[-1] if history.rows else {}
     board = TensorBoard(workdir / "tensorboard") if run.chief else None
     per_epoch = run.order.steps_per_epoch
-    batches = iter(_training_data(run, step, schedule.epochs * per_epoch))
-    train_step = _compile_train_step(run)
+    batches = iter(training_data(run, step, schedule.epochs * per_epoch))
+    train_step = compile_train_step(run)
     figures: dict[str, float] = history.rows[-1] if history.rows else {}
     for epoch in range(step // per_epoch, schedule.epochs):
         means = _epoch(run, folder, batches, train_step, epoch, step)
@@ -131,7 +134,8 @@ def run_training(run: Run, resume: bool = False) -> dict[str, float]:
     return figures
 
 
-def _training_data(run: Run, first: int, last: int):
+def training_data(run: Run, first: int, last: int):
+    """The batches of steps first to last - 1, distributed where there are several replicas."""
     task, order, replicas = run.task, run.order, run.strategy.num_replicas_in_sync
 
     def make(context=None):
@@ -150,7 +154,8 @@ def _training_data(run: Run, first: int, last: int):
     return run.strategy.distribute_datasets_from_function(make)
 
 
-def _compile_train_step(run: Run):
+def compile_train_step(run: Run):
+    """Batch -> every loss term and the gradient's norm, after an update of the weights."""
     task, optimizer, strategy = run.task, run.optimizer, run.strategy
     variables, clip = task.model.trainable_variables, task.schedule.clip_norm
 

@@ -10,7 +10,7 @@ from small_weights import write_weights
 from common.errors import InputError
 from evaluation.config import EvaluateConfig
 from evaluation.network import NetworkBoxes
-from evaluation.recording import RecordedNetwork
+from evaluation.recording import RecordedNetwork, TrueBoxes
 from evaluation.scene import Scene
 from evaluation.side_by_side import TimedSource, evaluate_recorded
 from evaluation.sources import GroundTruthBoxes
@@ -133,3 +133,21 @@ def test_timed_source_measures_its_reader(scene, monkeypatch):
     timed = TimedSource(GroundTruthBoxes(("Car",)))
     assert len(list(timed.frames(scene))) == 5
     assert (timed.count, timed.seconds_per_frame) == (5, 1.0)  # the clock ticks once a frame
+
+
+def test_true_boxes_come_with_the_networks_displacement():
+    class Labels:
+        def frames(self, scene):
+            yield 0, "boxes", "scores", {"types": "labelled"}
+            yield 1, "boxes", "scores", {"types": "labelled"}
+
+    class Recorded:
+        def frames(self, scene):
+            yield 0, "found", "low", {"types": "found"}
+            yield 1, "found", "low", {"types": "found", "points": 1, "displacement": 2}
+
+    source = TrueBoxes(Recorded())
+    source.labelled = Labels()
+    first, second = source.frames(None)
+    assert first == (0, "boxes", "scores", {"types": "labelled"})
+    assert second[3] == {"types": "labelled", "points": 1, "displacement": 2}

@@ -11,7 +11,7 @@ from small_weights import write_weights
 from common import flags
 from common.errors import InputError
 from experiments import ablation, table3, table4
-from experiments.ablation import DISTANCES, TrueBoxes
+from experiments.ablation import DISTANCES
 from experiments.paper import ABLATION_COLUMNS
 from models.config import TrackerConfig
 
@@ -117,21 +117,3 @@ def test_rows_are_the_papers():
 def test_what_does_not_fit_is_named(root, tmp_path, more, message):
     with pytest.raises(InputError, match=message):
         table3.main(arguments(root, tmp_path, *more))
-
-
-def test_true_boxes_come_with_the_networks_displacement():
-    class Labels:
-        def frames(self, scene):
-            yield 0, "boxes", "scores", {"types": "labelled"}
-            yield 1, "boxes", "scores", {"types": "labelled"}
-
-    class Recorded:
-        def frames(self, scene):
-            yield 0, "found", "low", {"types": "found"}
-            yield 1, "found", "low", {"types": "found", "points": 1, "displacement": 2}
-
-    source = TrueBoxes(Recorded())
-    source.labelled = Labels()
-    first, second = source.frames(None)
-    assert first == (0, "boxes", "scores", {"types": "labelled"})
-    assert second[3] == {"types": "labelled", "points": 1, "displacement": 2}

@@ -144,6 +144,8 @@ def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
         assert (tmp_path / name).stat().st_size > 0
     with pytest.raises(InputError, match="--resume"):
         loop.run_training(detector_run(tiny_data, tmp_path, SHORT))
+    again = loop.run_training(detector_run(tiny_data, tmp_path, SHORT), resume=True)
+    assert again == {name: pytest.approx(value, rel=1e-5) for name, value in figures.items()}
     other = dataclasses.replace(SHORT, seed=5)
     with pytest.raises(InputError, match=r"another configuration: schedule.seed 0 -> 5"):
         loop.run_training(detector_run(tiny_data, tmp_path, other), resume=True)
