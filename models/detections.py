@@ -16,7 +16,11 @@ from tf_ops import box_iou_3d
 
 @dataclass(frozen=True)
 class DecodingConfig:
-    """How boxes are made from points; chosen on simulated scans of 0011, a training sequence."""
+    """How boxes are made from points.
+
+    Chosen on simulated scans of sequence 0011, which is held out of training:
+    docs/tables/decoding_parameters.md (experiments/decoding_parameters.py).
+    """
 
     min_probability: float = note(0.4, "foreground probability of a point that proposes a box")
     cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
@@ -25,7 +29,7 @@ class DecodingConfig:
     nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
     doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
-    min_score: float = note(0.25, "of a box that is kept")
+    min_score: float = note(0.3, "of a box that is kept")
     max_boxes: int = note(64, "M")
 
 
