@@ -33,7 +33,9 @@ def joint(*sums: tf.Tensor) -> list[tf.Tensor]:
     context = tf.distribute.get_replica_context()
     if context is None or context.num_replicas_in_sync == 1:
         return list(sums)
-    return tf.unstack(context.all_reduce(tf.distribute.ReduceOp.SUM, tf.stack(sums)))
+    total = context.all_reduce(tf.distribute.ReduceOp.SUM, tf.stack(sums))
+    # no tf.unstack: TensorFlow 2.21 makes tf.maximum(b, 0.01 * a) of its parts a, b to max(b, a)
+    return [total[i] for i in range(len(sums))]
 
 
 class DetectorTask:

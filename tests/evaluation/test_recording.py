@@ -31,6 +31,7 @@ def root(tmp_path_factory):
     rng = np.random.default_rng(0)
     for t in (0, 1, 2, 4):
         points = rng.uniform((5, -5, -1.7, 0), (40, 5, 1, 1), (500, 4))
+        points[:300, :3] = rng.uniform((18, -0.5, -1.5), (19, 0.5, -1), (300, 3))  # agree on a box
         write_scan(folder / "training" / "velodyne" / "0001" / f"{t:06d}.bin", points)
     return folder
 
