@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.files import atomic_path
+from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.scene import Scene
 from evaluation.sources import BoxSource, Detected, GroundTruthBoxes
@@ -91,6 +92,13 @@ class RecordedNetwork:
         _write(path, frames, stopwatch.seconds)
         return True
 
+    def record_all(self, scenes: Sequence[Scene], title: str) -> None:
+        """Records every scene that has no recording yet, under a progress bar."""
+        with Progress(sum(scene.num_frames for scene in scenes), title, "frames") as bar:
+            for scene in scenes:
+                if not self.record(scene, bar.update):
+                    bar.update(scene.num_frames)
+
     def frames(self, scene: Scene) -> Iterator[Detected]:
         """See `BoxSource.frames`."""
         arrays = self._arrays(scene)
@@ -101,9 +109,7 @@ class RecordedNetwork:
             extras = {"types": arrays["types"][rows], "appearance": arrays["appearance"][rows]}
             if t:
                 part = slice(points[t], points[t + 1])
-                extras["points"] = arrays["points"][part]
-                extras["foreground"] = arrays["foreground"][part]
-                extras["displacement"] = arrays["displacement"][part]
+                extras.update({key: arrays[key][part] for key in MOTION})
             yield t, arrays["boxes"][rows], arrays["scores"][rows], extras
 
     def seconds(self, scene: Scene) -> np.ndarray:

@@ -22,7 +22,6 @@ from common import flags
 from common.config import add_flags, to_dict
 from common.errors import InputError
 from common.files import write_bytes, write_json
-from common.progress import Progress
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_threshold
 from evaluation.recording import RecordedNetwork, TrueBoxes
 from evaluation.run import check_writable, evaluate
@@ -165,10 +164,7 @@ def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
             displacement=distance,
         )
         scenes = displaced_scenes(config)
-        with Progress(sum(s.num_frames for s in scenes), f"D = {distance:g} m", "frames") as bar:
-            for scene in scenes:
-                if not recorded.record(scene, bar.update):
-                    bar.update(scene.num_frames)
+        recorded.record_all(scenes, f"D = {distance:g} m")
         errors = np.concatenate([end_point_errors(scene, recorded) for scene in scenes])
         sources: dict[str, BoxSource] = {NETWORK: recorded, GROUND_TRUTH: TrueBoxes(recorded)}
         for boxes, source in sources.items():

@@ -12,7 +12,6 @@ from typing import Any
 
 from common.errors import InputError
 from common.files import write_json, write_text
-from common.progress import Progress
 from common.provenance import provenance
 from common.steps import Steps, key_of
 from evaluation.config import NETWORK, EvaluateConfig
@@ -123,11 +122,7 @@ class Demo:
             if path not in kept:  # of other weights, data or code
                 path.unlink()
         for distance, scenes in self.scenes.items():
-            total = sum(scene.num_frames for scene in scenes)
-            with Progress(total, f"networks, D = {distance:g} m", "frames") as bar:
-                for scene in scenes:
-                    if not self.recorded.record(scene, bar.update):
-                        bar.update(scene.num_frames)
+            self.recorded.record_all(scenes, f"networks, D = {distance:g} m")
 
     def evaluate(self, distance: float) -> dict[str, Any]:
         """Every tracker on the same boxes: tracker -> its record."""

@@ -19,7 +19,6 @@ import numpy as np
 
 from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, run
-from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import EvaluateConfig
 from evaluation.recording import RecordedNetwork, TrueBoxes
@@ -87,10 +86,7 @@ def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
 def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dict[str, Any]:
     """All figures at one displacement."""
     scenes, distance = displaced_scenes(config), config.displacement
-    with Progress(sum(s.num_frames for s in scenes), "networks", "frames") as bar:
-        for scene in scenes:
-            if not recorded.record(scene, bar.update):
-                bar.update(scene.num_frames)
+    recorded.record_all(scenes, f"networks, D = {distance:g} m")
     threshold = float(config.score_threshold or 0.0)
     counts = [box_counts(scene, recorded, threshold) for scene in scenes]
     total = {key: sum(c[key] for c in counts) for key in counts[0]}

@@ -6,9 +6,13 @@ import keras
 import tensorflow as tf
 
 from models.config import Fusion
+from models.linear_norm import NORMALIZED
 from models.neighborhood import NeighborhoodMLP
 from models.set_upconv import neighbors_within
 from tf_ops import group_point
+
+PAIR_SIZE = {"cosine_distance": 0.05, "dot_product": 0.1}
+"""How far the fused value varies at first: features of one sign are nearly parallel."""
 
 
 def fuse(fusion: Fusion, previous: tf.Tensor, grouped: tf.Tensor) -> tf.Tensor:
@@ -49,7 +53,14 @@ class AssociationHead(keras.layers.Layer):
         pair = {"concat": 0, "elementwise_product": channels}.get(fusion, 1)
         single = channels if self.has_features else 0
         self.mlp = NeighborhoodMLP(
-            single, widths, momentum, query_channels=single, pair_channels=pair, name="mlp"
+            single,
+            widths,
+            momentum,
+            radius,
+            query_channels=single,
+            pair_channels=pair,
+            pair_size=PAIR_SIZE.get(fusion, NORMALIZED),
+            name="mlp",
         )
         self.channels = self.mlp.channels
         self.built = True

@@ -9,6 +9,7 @@ from tf_ops.devices import has_gpu
 from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
 
 EPSILON = 1e-3  # of BatchNorm; Keras's default
+NORMALIZED = 0.5**0.5  # root mean square of relu(z), z of mean 0 and variance 1
 
 
 class BatchNormReLU(keras.layers.Layer):
@@ -82,19 +83,39 @@ class LinearNormReLU(keras.layers.Layer):
     commutes with gathering and interpolation: W [f_j ; x_j - x_i] = W_f f_j + W_x x_j - W_x x_i.
     `project` gives x_k W_k before the rows are gathered, `finish` adds BatchNorm and ReLU after.
     At inference BatchNorm is folded into W and a bias.
+
+    The initial weights are Glorot's over the joint matrix for the part of the largest inputs;
+    those of the others are larger, so that each part starts with an equal share of the output's
+    variance. Else three coordinates would be lost beside a hundred features.
+
+    Args:
+        parts: number of channels of each input.
+        sizes: root mean square of an input's channels where it is not NORMALIZED.
     """
 
-    def __init__(self, parts: dict[str, int], width: int, momentum: float, **kwargs):
+    def __init__(
+        self,
+        parts: dict[str, int],
+        width: int,
+        momentum: float,
+        sizes: dict[str, float] | None = None,
+        **kwargs,
+    ):
         super().__init__(**kwargs)
         self.width = width
-        limit = (6.0 / (sum(parts.values()) + width)) ** 0.5  # Glorot over the joint matrix
-        initializer = keras.initializers.RandomUniform(-limit, limit)
-        self.kernels = {
-            part: self.add_weight(
-                shape=(channels, width), initializer=_fresh(initializer), name=f"kernel_{part}"
-            )
+        energy = {
+            part: channels * (sizes or {}).get(part, NORMALIZED) ** 2
             for part, channels in parts.items()
         }
+        glorot = (6.0 / (sum(parts.values()) + width)) ** 0.5
+        self.kernels = {}
+        for part, channels in parts.items():
+            limit = glorot * (max(energy.values()) / energy[part]) ** 0.5
+            self.kernels[part] = self.add_weight(
+                shape=(channels, width),
+                initializer=keras.initializers.RandomUniform(-limit, limit),
+                name=f"kernel_{part}",
+            )
         self.norm = BatchNormReLU(width, momentum, name="norm")
         self.built = True
 
@@ -122,11 +143,6 @@ class LinearNormReLU(keras.layers.Layer):
         """{part: (..., C_part)} -> (..., width); pool: the maximum over the last but one axis."""
         parts = [self.project(part, x, training) for part, x in inputs.items()]
         return self.finish(parts[0] if len(parts) == 1 else tf.add_n(parts), training, pool)
-
-
-def _fresh(initializer: keras.initializers.RandomUniform) -> keras.initializers.RandomUniform:
-    """A new initializer with a seed of its own: Keras initializers repeat their values."""
-    return keras.initializers.RandomUniform(initializer.minval, initializer.maxval)
 
 
 class SharedMLP(keras.layers.Layer):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keras
 import tensorflow as tf
 
-from models.linear_norm import LinearNormReLU, SharedMLP
+from models.linear_norm import NORMALIZED, LinearNormReLU, SharedMLP
 from tf_ops import group_point
 
 
@@ -15,6 +15,14 @@ class NeighborhoodMLP(keras.layers.Layer):
     The first linear layer is applied before grouping, once per point instead of once per
     neighbour; the result is the same, gradients included:
     W [f_j ; x_j - x_i ; q_i ; e_ij] = (W_f f_j + W_x x_j) - (W_x x_i - W_q q_i) + W_e e_ij.
+
+    Args:
+        source_channels, query_channels, pair_channels: channels of f_j, q_i and e_ij.
+        widths: of the MLP.
+        momentum: of BatchNorm's moving averages.
+        radius: of the neighbourhood, metres; x_j - x_i is about half of it on each axis, which
+            scales its initial weights.
+        pair_size: how far e_ij varies, which scales its initial weights.
     """
 
     def __init__(
@@ -22,8 +30,10 @@ class NeighborhoodMLP(keras.layers.Layer):
         source_channels: int,
         widths: tuple[int, ...],
         momentum: float,
+        radius: float,
         query_channels: int = 0,
         pair_channels: int = 0,
+        pair_size: float = NORMALIZED,
         **kwargs,
     ):
         super().__init__(**kwargs)
@@ -34,7 +44,8 @@ class NeighborhoodMLP(keras.layers.Layer):
             "pair": pair_channels,
         }
         parts = {part: channels for part, channels in parts.items() if channels}
-        self.first = LinearNormReLU(parts, widths[0], momentum, name="linear0")
+        sizes = {"xyz": radius / 2, "pair": pair_size}
+        self.first = LinearNormReLU(parts, widths[0], momentum, sizes, name="linear0")
         self.rest = SharedMLP(widths[0], widths[1:], momentum, name="rest")
         self.channels = widths[-1]
         self.built = True

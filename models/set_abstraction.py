@@ -36,8 +36,8 @@ class SetAbstraction(keras.layers.Layer):
     def __init__(self, channels: int, config: SetAbstractionConfig, momentum: float, **kwargs):
         super().__init__(**kwargs)
         self.scales = [
-            NeighborhoodMLP(channels, widths, momentum, name=f"scale{i}")
-            for i, widths in enumerate(config.widths)
+            NeighborhoodMLP(channels, widths, momentum, radius, name=f"scale{i}")
+            for i, (radius, widths) in enumerate(zip(config.radii, config.widths, strict=True))
         ]
         self.channels = sum(scale.channels for scale in self.scales)
         self.built = True

@@ -28,7 +28,9 @@ class SetUpconv(keras.layers.Layer):
     ):
         super().__init__(**kwargs)
         *widths, last = config.widths
-        self.pooling = NeighborhoodMLP(channels, tuple(widths), momentum, name="pooling")
+        self.pooling = NeighborhoodMLP(
+            channels, tuple(widths), momentum, config.radius, name="pooling"
+        )
         parts = {"pooled": self.pooling.channels, "skip": skip_channels}
         parts = {part: count for part, count in parts.items() if count}
         self.last = LinearNormReLU(parts, last, momentum, name="last")

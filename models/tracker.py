@@ -30,6 +30,12 @@ class EncodedFrame(NamedTuple):
 
     xyz: tuple[tf.Tensor, tf.Tensor, tf.Tensor]  # kept points, TSA1, TSA2
     features: tuple[tf.Tensor, tf.Tensor]  # TSA1 (B, 2048, 64), TSA2 (B, 512, 128)
+    rows: tf.Tensor  # (B, 512) int32, the points of TSA2 among those kept
+
+
+def swapped(encoded: EncodedFrame) -> EncodedFrame:
+    """B frames t-1 and then their B frames t, as one batch: the two halves change places."""
+    return tf.nest.map_structure(lambda x: tf.roll(x, tf.shape(x)[0] // 2, 0), encoded)
 
 
 def kept_rows(inputs: DetectorInputs, outputs: DetectorOutputs, config: TrackerConfig):
@@ -116,14 +122,22 @@ class Tracker(keras.Model):
         indices2, xyz2 = set_abstraction_indices(xyz1, sa2)
         features1 = self.sa1(frame.xyz, frame.features, xyz1, indices1, training=training)
         features2 = self.sa2(xyz1, features1, xyz2, indices2, training=training)
-        return EncodedFrame((frame.xyz, xyz1, xyz2), (features1, features2))
+        rows = tf.gather(indices1.sampled, indices2.sampled, batch_dims=1)
+        return EncodedFrame((frame.xyz, xyz1, xyz2), (features1, features2), rows)
 
-    def displacement(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
-        """Association displacement (B, N', 3), metres, of the kept points of frame t-1."""
-        kept, xyz1, xyz2 = previous.xyz
-        embedding = self.association(
-            xyz2, previous.features[1], current.xyz[2], current.features[1], training=training
+    def associate(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
+        """The association head's features (B, 512, 128) of the points of TSA2 of frame t-1."""
+        return self.association(
+            previous.xyz[2],
+            previous.features[1],
+            current.xyz[2],
+            current.features[1],
+            training=training,
         )
+
+    def refine(self, previous: EncodedFrame, embedding: tf.Tensor, training: bool = False):
+        """Association displacement (B, N', 3) of the kept points, from the head's features."""
+        kept, xyz1, xyz2 = previous.xyz
         indices3, xyz3 = set_abstraction_indices(xyz2, self.config.refinement_abstraction)
         x = self.sa3(xyz2, embedding, xyz3, indices3, training=training)
         fp1, fp2 = self.config.refinement_upconv
@@ -133,6 +147,10 @@ class Tracker(keras.Model):
         x = self.fp2(xyz2, x, xyz1, previous.features[0], neighbors, training=training)
         x = self.fp3(x, None, interpolation_indices(kept, xyz1), training=training)
         return self.fc2(self.fc1(x, training=training))
+
+    def displacement(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
+        """Association displacement (B, N', 3), metres, of the kept points of frame t-1."""
+        return self.refine(previous, self.associate(previous, current, training), training)
 
     def call(self, previous: TrackerInputs, current: TrackerInputs, training: bool = False):
         """Two frames -> displacement (B, N', 3); both are encoded as one batch."""

@@ -71,5 +71,10 @@ class TrackerTrainingConfig:
 
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
     loss: TrackingLossWeights = field(default_factory=TrackingLossWeights)
+    deep_supervision: float = note(
+        1.0,
+        "weight of equation (5) on a linear read-out of the association head's features, which is "
+        "part of the training alone; 0: none",
+    )
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     schedule: ScheduleConfig = field(default_factory=lambda: ScheduleConfig(batch_size=6))

@@ -47,6 +47,7 @@ class DetectorTask:
     def __init__(self, config: DetectorTrainingConfig, sequences, validation):
         self.config, self.schedule = config, config.schedule
         self.model, self.meta = Detector(config.detector), {}
+        self.auxiliary = []
         classes = config.detector.box.classes
         self.reader, self.items = FrameReader(sequences, classes), frame_list(sequences)
         self.validation_reader = FrameReader(validation, classes)

@@ -31,7 +31,7 @@ class TrainingDivergedError(RuntimeError):
 class Run:
     """A training under way: task, optimiser, strategy and where it writes."""
 
-    task: object  # DetectorTask or TrackerTask
+    task: object  # DetectorTask or TrackerTask; `auxiliary`: weights that only training needs
     optimizer: keras.optimizers.Optimizer
     strategy: tf.distribute.Strategy
     order: Order
@@ -42,7 +42,16 @@ class Run:
     @property
     def groups(self) -> dict:
         """What a checkpoint holds."""
-        return {"model": self.task.model.weights, "optimizer": self.optimizer.variables}
+        return {
+            "model": self.task.model.weights,
+            "auxiliary": self.task.auxiliary,
+            "optimizer": self.optimizer.variables,
+        }
+
+    @property
+    def variables(self) -> list:
+        """What is trained."""
+        return self.task.model.trainable_variables + self.task.auxiliary
 
 
 def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict) -> Run:
@@ -61,7 +70,7 @@ def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data
             beta_2=schedule.beta2,
             epsilon=schedule.epsilon,
         )
-        optimizer.build(task.model.trainable_variables)
+        optimizer.build(task.model.trainable_variables + task.auxiliary)
     resolver = strategy.cluster_resolver
     chief = (
         resolver is None
@@ -157,7 +166,7 @@ def training_data(run: Run, first: int, last: int):
 def compile_train_step(run: Run):
     """Batch -> every loss term and the gradient's norm, after an update of the weights."""
     task, optimizer, strategy = run.task, run.optimizer, run.strategy
-    variables, clip = task.model.trainable_variables, task.schedule.clip_norm
+    variables, clip = run.variables, task.schedule.clip_norm
 
     def replica_step(batch):
         with tf.GradientTape() as tape:

@@ -28,12 +28,14 @@ class DetectorSample(NamedTuple):
 
 
 class PairSample(NamedTuple):
-    """Two adjacent scans and the association displacement of the points of the first."""
+    """Two adjacent scans, and the association displacement of the points of each to the other.
 
-    previous: np.ndarray  # (N, 3) float32, frame t-1
-    current: np.ndarray  # (N, 3) float32, frame t
-    displacement: np.ndarray  # (N, 3) float32 metres, 0 on background
-    foreground: np.ndarray  # (N,) int32: 1 foreground, 0 background, -1 object gone in t (ignored)
+    Row 0 is frame t-1 with the displacement to t, row 1 is frame t with the displacement to t-1.
+    """
+
+    points: np.ndarray  # (2, N, 3) float32
+    displacement: np.ndarray  # (2, N, 3) float32 metres, 0 on background
+    foreground: np.ndarray  # (2, N) int32: 1, 0 background, -1 object not in the other (ignored)
 
 
 def no_augmentation() -> AugmentationConfig:
@@ -152,16 +154,18 @@ def pair_sample(
         labels.append(foreground_labels(points, moved, frame.ground)[rows])
         scans.append(transform.points(points[rows]))
         boxes.append(transform.boxes(moved))
-    displacement, valid = association_displacement(
-        boxes[0], previous.track_ids, boxes[1], current.track_ids
-    )
-    owner = labels[0]
-    foreground = (owner >= 0).astype(np.int32)
-    gone = np.append(~valid, False)[owner] if len(valid) else np.zeros(len(owner), bool)
-    displacement = np.where(valid[:, None], displacement, 0.0).astype(np.float32)
-    foreground[gone & (owner >= 0)] = -1
-    target = point_displacement(owner, displacement).astype(np.float32)
-    return PairSample(scans[0], scans[1], target, foreground)
+    ids = (previous.track_ids, current.track_ids)
+    there = _displacement_of_points(labels[0], boxes[0], ids[0], boxes[1], ids[1])
+    back = _displacement_of_points(labels[1], boxes[1], ids[1], boxes[0], ids[0])
+    return PairSample(np.stack(scans), *(np.stack(both) for both in zip(there, back, strict=True)))
+
+
+def _displacement_of_points(owner, boxes, ids, other_boxes, other_ids):
+    """Displacement (N, 3) and foreground (N,) of points of boxes `owner` to another frame."""
+    displacement, valid = association_displacement(boxes, ids, other_boxes, other_ids)
+    foreground = np.where(np.append(valid, False)[owner], 1, -1)
+    foreground[owner < 0] = 0
+    return point_displacement(owner, displacement), foreground.astype(np.int32)
 
 
 def _rng(seed: int, epoch: int, index: int) -> np.random.Generator:

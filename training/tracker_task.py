@@ -1,16 +1,24 @@
-"""What training the tracker means: pairs of frames through a frozen detector, equation (5)."""
+"""What training the tracker means: pairs of frames through a frozen detector, equation (5).
+
+A pair is learnt from in both directions, (t-1, t) and (t, t-1): the detector and the tracker's
+first layers, which see one frame, serve both. It is validated in its own direction.
+
+Equation (5) is asked twice: of the graph's displacement, and of a linear layer on the association
+head's features, which is there in training alone (deep supervision, Lee et al., AISTATS 2015).
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import keras
 import numpy as np
 import tensorflow as tf
 
 from models.box_coding import head_channels
 from models.detector import Detector, DetectorInputs, detector_inputs
 from models.losses import total_loss, tracking_losses
-from models.tracker import Tracker, kept_rows, tracker_channels, tracker_inputs
+from models.tracker import Tracker, kept_rows, swapped, tracker_channels, tracker_inputs
 from training.checkpoint import content_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
@@ -19,12 +27,32 @@ from training.samples import PairSample, make_pair_sample, no_augmentation
 
 
 class PairBatch(NamedTuple):
-    """What a training step of the tracker takes."""
+    """What a training step of the tracker takes: B frames t-1, then their B frames t."""
 
-    previous: DetectorInputs
-    current: DetectorInputs
-    displacement: tf.Tensor  # (B, N, 3) metres
-    foreground: tf.Tensor  # (B, N) int32
+    inputs: DetectorInputs
+    displacement: tf.Tensor  # (2B, N, 3) metres, to the other frame
+    foreground: tf.Tensor  # (2B, N) int32
+
+
+class Prediction(NamedTuple):
+    """Displacement (2B, M, 3) at some points, the true one, and their foreground (2B, M)."""
+
+    displacement: tf.Tensor
+    target: tf.Tensor
+    foreground: tf.Tensor
+
+    @classmethod
+    def at(cls, rows: tf.Tensor, displacement: tf.Tensor, batch: PairBatch) -> Prediction:
+        """With the targets of the points `rows` (2B, M) of the frames."""
+        targets = (tf.gather(x, rows, batch_dims=1) for x in (batch.displacement, batch.foreground))
+        return cls(displacement, *targets)
+
+
+def _terms(found: Prediction) -> dict[str, tf.Tensor]:
+    positive = tf.cast(found.foreground == 1, tf.float32)
+    negative = tf.cast(found.foreground == 0, tf.float32)
+    counts = joint(tf.reduce_sum(positive), tf.reduce_sum(negative))
+    return tracking_losses(found.displacement, found.target, positive, negative, counts)
 
 
 class TrackerTask:
@@ -41,11 +69,20 @@ class TrackerTask:
             config.tracker, detector.config, head_channels(detector.config.box)
         )
         self.model = Tracker(channels, config.tracker)
+        self.readout = keras.layers.Dense(3, name="readout")
+        self.readout.build((None, self.model.association.channels))
+        self.auxiliary = self.readout.weights
         classes = detector.config.box.classes
         self.reader, self.items = FrameReader(sequences, classes), pair_list(sequences)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = pair_list(validation)
-        self.weights = {"pos": config.loss.alpha, "neg": config.loss.beta}
+        alpha, beta, deep = config.loss.alpha, config.loss.beta, config.deep_supervision
+        self.weights = {
+            "pos": alpha,
+            "neg": beta,
+            "head_pos": deep * alpha,
+            "head_neg": deep * beta,
+        }
 
     def make(self, index: int, position: int) -> PairSample:
         """The sample of a pair at a position of the endless order of samples."""
@@ -74,40 +111,37 @@ class TrackerTask:
 
     def prepare(self, sample: PairSample) -> PairBatch:
         """Makes the detector's pyramids of indices, in the input pipeline."""
-        config = self.detector.config
-        return PairBatch(
-            detector_inputs(sample.previous, config),
-            detector_inputs(sample.current, config),
-            sample.displacement,
-            sample.foreground,
-        )
+        frames = PairSample(*(tf.concat(tf.unstack(part, axis=1), 0) for part in sample))
+        inputs = detector_inputs(frames.points, self.detector.config)
+        return PairBatch(inputs, frames.displacement, frames.foreground)
 
-    def predict(self, batch: PairBatch, training: bool):
-        """Predicted and true displacement, and foreground, of the kept points of frame t-1."""
-        outputs = [self.detector(x, training=False) for x in (batch.previous, batch.current)]
+    def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
+        """Of the graph at the kept points, and of the read-out at those of TSA2."""
+        outputs = self.detector(batch.inputs, training=False)
         config = self.config.tracker
-        frames = [
-            tf.nest.map_structure(tf.stop_gradient, tracker_inputs(x, y, config))
-            for x, y in zip((batch.previous, batch.current), outputs, strict=True)
-        ]
-        predicted = self.model(frames[0], frames[1], training=training)
-        rows = kept_rows(batch.previous, outputs[0], config)
-        target = tf.gather(batch.displacement, rows, batch_dims=1)
-        return predicted, target, tf.gather(batch.foreground, rows, batch_dims=1)
+        frames = tracker_inputs(batch.inputs, outputs, config)
+        encoded = self.model.encode(tf.nest.map_structure(tf.stop_gradient, frames), training)
+        embedding = self.model.associate(encoded, swapped(encoded), training)
+        displacement = self.model.refine(encoded, embedding, training)
+        rows = kept_rows(batch.inputs, outputs, config)
+        sampled = tf.gather(rows, encoded.rows, batch_dims=1)
+        return (
+            Prediction.at(rows, displacement, batch),
+            Prediction.at(sampled, self.readout(embedding), batch),
+        )
 
     def losses(self, batch: PairBatch, training: bool) -> dict[str, tf.Tensor]:
         """The terms of equation (5) and their weighted sum as "loss"; shares of the joint batch."""
-        predicted, target, foreground = self.predict(batch, training)
-        positive = tf.cast(foreground == 1, tf.float32)
-        negative = tf.cast(foreground == 0, tf.float32)
-        counts = joint(tf.reduce_sum(positive), tf.reduce_sum(negative))
-        terms = tracking_losses(predicted, target, positive, negative, counts)
+        graph, head = (_terms(found) for found in self.predict(batch, training))
+        terms = {**graph, **{f"head_{name}": term for name, term in head.items()}}
         return {"loss": total_loss(terms, self.weights), **terms}
 
     def validation_step(self, batch: PairBatch) -> list[tf.Tensor]:
-        """End-point errors (B, N') metres and foreground of the kept points."""
-        predicted, target, foreground = self.predict(batch, training=False)
-        return [tf.norm(predicted - target, axis=-1), foreground]
+        """End-point errors (B, N') metres and foreground of the kept points of frames t-1."""
+        found, _ = self.predict(batch, training=False)
+        pairs = tf.shape(found.foreground)[0] // 2
+        errors = tf.norm(found.displacement - found.target, axis=-1)
+        return [errors[:pairs], found.foreground[:pairs]]
 
     def validate(self, batches) -> dict[str, float]:
         """Mean end-point error on foreground and background points, metres."""

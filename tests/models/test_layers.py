@@ -79,6 +79,7 @@ def test_first_layer_before_grouping_is_exact(training, widths, parts):
         0 if features is None else 5,
         widths,
         0.9,
+        1.0,
         0 if query is None else 4,
         0 if pair is None else 2,
     )
@@ -102,7 +103,7 @@ def test_gradients_of_the_rearranged_layer_are_exact():
     neighbors = tf.constant(rng.integers(0, 40, (2, 10, 6)), tf.int32)
     features = tf.constant(rng.normal(size=(2, 40, 5)), tf.float32)
     weight = tf.constant(rng.normal(size=(2, 10, 16)), tf.float32)
-    mlp = NeighborhoodMLP(5, (8, 16), 0.9)
+    mlp = NeighborhoodMLP(5, (8, 16), 0.9, 1.0)
     randomize_norms(mlp)
     gradients = []
     for compute in (
@@ -207,3 +208,16 @@ def test_probability_filter_keeps_the_most_probable_first():
 def test_probability_filter_repeats_where_there_are_too_few_points():
     rows = probability_filter(tf.constant([[[0.0, 1.0], [0.0, 2.0]]]), 5)
     np.testing.assert_array_equal(rows, [[1, 0, 1, 0, 1]])
+
+
+def test_each_part_of_a_fresh_layer_has_an_equal_share():
+    tf.keras.utils.set_random_seed(0)
+    layer = LinearNormReLU({"many": 128, "few": 3}, 256, 0.9, sizes={"few": 0.25})
+    rng = np.random.default_rng(0)
+    many = rng.normal(0, 0.5**0.5, (2000, 128)).astype("f4")
+    few = rng.normal(0, 0.25, (2000, 3)).astype("f4")
+    shares = [
+        np.std(layer.project(part, tf.constant(x), True))
+        for part, x in (("many", many), ("few", few))
+    ]
+    assert shares[0] == pytest.approx(shares[1], rel=0.1)

@@ -12,7 +12,14 @@ from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud, randomize_norms,
 from models.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig, multi_scale
 from models.detector import Detector, detector_inputs
-from models.tracker import Tracker, kept_rows, tracker_channels, tracker_inputs
+from models.tracker import (
+    Tracker,
+    TrackerInputs,
+    kept_rows,
+    swapped,
+    tracker_channels,
+    tracker_inputs,
+)
 
 FUSIONS = ("elementwise_product", "concat", "cosine_distance", "dot_product")
 FEATURES = ("DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1")
@@ -171,6 +178,21 @@ def test_encoding_once_equals_encoding_the_pair():
     second = first._replace(xyz=first.xyz + 0.2)
     streamed = tracker.displacement(tracker.encode(first), tracker.encode(second))
     np.testing.assert_allclose(tracker(first, second), streamed, rtol=1e-4, atol=1e-5)
+
+
+def test_both_ways_are_the_pair_and_the_pair_backwards():
+    detector, inputs, outputs = run()
+    tracker = small_tracker(SMALL_TRACKER, detector)
+    randomize_norms(tracker)
+    first = tracker_inputs(inputs, outputs, SMALL_TRACKER)
+    second = first._replace(xyz=first.xyz + 0.2)
+    both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(first, second, strict=True)))
+    expected = tf.concat([tracker(first, second), tracker(second, first)], 0)
+    encoded = tracker.encode(both)
+    found = tracker.displacement(encoded, swapped(encoded))
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+    points = tf.gather(both.xyz, encoded.rows, batch_dims=1)
+    np.testing.assert_array_equal(points, encoded.xyz[2])
 
 
 def test_any_batch_size_in_one_graph():

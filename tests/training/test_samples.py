@@ -86,22 +86,25 @@ def test_offsets_stay_within_their_distance():
 
 def test_pair_displacement_is_the_motion_of_the_box(frames):
     sample = pair_sample(frames[0], frames[1], 400, no_augmentation(), rng())
-    moving = (sample.foreground == 1) & (sample.previous[:, 1] > 0)
-    parked = (sample.foreground == 1) & (sample.previous[:, 1] < 0)
-    expected = boxes_at(1)[0, :3] - boxes_at(0)[0, :3]
-    np.testing.assert_allclose(sample.displacement[moving], [expected] * moving.sum(), atol=1e-4)
-    np.testing.assert_allclose(sample.displacement[parked], 0, atol=1e-4)
-    assert not sample.displacement[sample.foreground == 0].any()
+    motion = boxes_at(1)[0, :3] - boxes_at(0)[0, :3]
+    for points, displacement, foreground, expected in zip(*sample, (motion, -motion), strict=True):
+        moving = (foreground == 1) & (points[:, 1] > 0)
+        parked = (foreground == 1) & (points[:, 1] < 0)
+        assert moving.sum() > 20
+        np.testing.assert_allclose(displacement[moving], [expected] * moving.sum(), atol=1e-4)
+        np.testing.assert_allclose(displacement[parked], 0, atol=1e-4)
+        assert not displacement[foreground == 0].any()
 
 
 def test_an_object_that_leaves_is_ignored(frames):
     gone = frames[1]._replace(
         boxes=frames[1].boxes[1:], classes=frames[1].classes[1:], track_ids=frames[1].track_ids[1:]
     )
-    sample = pair_sample(frames[0], gone, 400, no_augmentation(), rng())
-    left = (sample.foreground == -1) & (sample.previous[:, 1] > 0)
+    points, displacement, foreground = pair_sample(frames[0], gone, 400, no_augmentation(), rng())
+    left = (foreground[0] == -1) & (points[0, :, 1] > 0)
     assert left.sum() > 20
-    assert not sample.displacement[sample.foreground == -1].any()
+    assert not displacement[foreground == -1].any()
+    assert not (foreground[1] == -1).any()
 
 
 def test_frames_without_objects(frames):

@@ -51,7 +51,8 @@ def moment(report: Report) -> str:
     times = sorted(row.get("time", p["time_utc"]) for row in report["rows"])
     return (
         f"{p['processor']}, {p['threads']} threads each, medians of {p['calls']} calls that take "
-        f"turns;\n{p['scan']}; {times[0]} to {times[-1]}, commit {str(p['git_commit'])[:7]}."
+        f"turns,\neach right after an untimed one; {p['scan']};\n{times[0]} to {times[-1]}, "
+        f"commit {str(p['git_commit'])[:7]}."
     )
 
 

@@ -1,4 +1,8 @@
-"""Medians of calls that take turns, so that a busy moment of the machine hits both alike."""
+"""Medians of calls that take turns, so that a busy moment of the machine hits both alike.
+
+A timed call comes right after an untimed one of the same side: else each would pay for threads that
+the other side has put to sleep or left spinning, and for its caches.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +24,11 @@ def seconds(call: Callable[[], object]) -> float:
     start = time.perf_counter()
     call()
     return time.perf_counter() - start
+
+
+def seconds_when_warm(call: Callable[[], object]) -> float:
+    call()
+    return seconds(call)
 
 
 def in_turns(timers: Sequence[Callable[[], float]], calls: int) -> np.ndarray:
@@ -45,10 +54,13 @@ def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
     now = datetime.now(timezone.utc).isoformat(timespec="seconds")
     row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal, "time": now}
     if ours_only:
-        return row | {"ours_ms": 1e3 * float(np.median([seconds(case.ours) for _ in range(calls)]))}
+        return row | {
+            "ours_ms": 1e3 * float(np.median([seconds_when_warm(case.ours) for _ in range(calls)]))
+        }
     probes = {name: probe(peer) for name, peer in case.peers.items()}
     best = min(probes, key=probes.get)
-    times = in_turns([partial(seconds, call) for call in (case.ours, case.peers[best])], calls)
+    sides = (case.ours, case.peers[best])
+    times = in_turns([partial(seconds_when_warm, call) for call in sides], calls)
     ours, peer = 1e3 * np.median(times, axis=0)
     spread = 1e3 * np.percentile(times, [25, 75], axis=0).T
     return row | {
