@@ -50,12 +50,8 @@ def _detector_panel(panel, task, batch) -> None:
 
 
 def _tracker_panel(panel, task, batch) -> None:
-    from models.tracker import kept_rows
-
-    predicted, target, foreground = (x.numpy()[0] for x in task.predict(batch, training=False))
-    outputs = task.detector(batch.previous, training=False)
-    rows = kept_rows(batch.previous, outputs, task.config.tracker)
-    xyz = tf.gather(batch.previous.query_xyz, rows, batch_dims=1).numpy()[0]
+    found, _ = task.predict(batch, training=False)
+    xyz, predicted, target, foreground = (x.numpy()[0] for x in found)
     panel.scatter(xyz[:, 0], xyz[:, 1], s=0.5, color="lightgrey")
     chosen = np.flatnonzero(foreground == 1)[::10]
     for values, color in ((target, "green"), (predicted, "blue")):

@@ -37,6 +37,7 @@ class PairBatch(NamedTuple):
 class Prediction(NamedTuple):
     """Displacement (2B, M, 3) at some points, the true one, and their foreground (2B, M)."""
 
+    xyz: tf.Tensor
     displacement: tf.Tensor
     target: tf.Tensor
     foreground: tf.Tensor
@@ -44,8 +45,11 @@ class Prediction(NamedTuple):
     @classmethod
     def at(cls, rows: tf.Tensor, displacement: tf.Tensor, batch: PairBatch) -> Prediction:
         """With the targets of the points `rows` (2B, M) of the frames."""
-        targets = (tf.gather(x, rows, batch_dims=1) for x in (batch.displacement, batch.foreground))
-        return cls(displacement, *targets)
+        xyz, target, foreground = (
+            tf.gather(x, rows, batch_dims=1)
+            for x in (batch.inputs.query_xyz, batch.displacement, batch.foreground)
+        )
+        return cls(xyz, displacement, target, foreground)
 
 
 def _terms(found: Prediction) -> dict[str, tf.Tensor]:
