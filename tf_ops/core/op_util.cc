@@ -1,11 +1,8 @@
 #include "core/op_util.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <condition_variable>
-#include <memory>
-#include <mutex>
+#include <utility>
 
 #if defined(__linux__)
 #  include <sys/mman.h>
@@ -15,62 +12,11 @@
 
 namespace ptn {
 
-namespace {
-
-// Ranges of one call of Parallel::run, taken one after the other by the calling thread and by
-// helpers of TensorFlow's pool. The caller waits for ranges that were begun, never for a helper to
-// begin: one that wakes up late finds nothing left to do, and touches nothing but this object.
-class Ranges {
- public:
-  Ranges(int64_t total, int64_t size, const Body& body)
-      : total_(total), size_(size), body_(&body) {}
-
-  void work() {
-    for (;;) {
-      const int64_t begin = next_.fetch_add(size_);
-      if (begin >= total_) return;
-      const int64_t end = std::min(begin + size_, total_);
-      (*body_)(begin, end);
-      if (done_.fetch_add(end - begin) + end - begin < total_) continue;
-      const std::lock_guard<std::mutex> lock(mutex_);
-      all_done_.notify_all();
-    }
-  }
-
-  void wait() {
-    std::unique_lock<std::mutex> lock(mutex_);
-    all_done_.wait(lock, [this] { return done_.load() == total_; });
-  }
-
- private:
-  const int64_t total_, size_;
-  const Body* const body_;  // lives until the caller has waited
-  std::atomic<int64_t> next_{0}, done_{0};
-  std::mutex mutex_;
-  std::condition_variable all_done_;
-};
-
-}  // namespace
-
 Parallel threads_of(tf::OpKernelContext* context) {
-  constexpr int64_t kLeastCost = 20000;  // nanoseconds of a range that is worth a helper
-  constexpr int64_t kRangesPerThread = 4;
   const auto* workers = context->device()->tensorflow_cpu_worker_threads();
-  const int64_t threads = workers->num_threads;
-  return {[workers, threads](int64_t total, int64_t cost, const Body& body) {
-            if (total <= 0) return;
-            const int64_t size = 1 + std::max((total - 1) / (threads * kRangesPerThread),
-                                              kLeastCost / std::max<int64_t>(cost, 1));
-            const int64_t count = (total - 1) / size + 1;
-            if (threads == 1 || count == 1) return body(0, total);
-            const auto ranges = std::make_shared<Ranges>(total, size, body);
-            for (int64_t i = 1; i < std::min(threads, count); ++i) {
-              workers->workers->Schedule([ranges] { ranges->work(); });
-            }
-            ranges->work();
-            ranges->wait();
-          },
-          workers->num_threads};
+  return shared_by(workers->num_threads, [workers](std::function<void()> helper) {
+    workers->workers->Schedule(std::move(helper));
+  });
 }
 
 namespace {

@@ -16,6 +16,13 @@ struct Parallel {
   int threads = 1;
 };
 
+// Runs a function some time later in another thread.
+using Schedule = std::function<void(std::function<void()>)>;
+
+// The caller and threads - 1 helpers take ranges one after the other. The caller waits for ranges
+// that were begun, never for a helper to begin. No range costs less than `least_cost` nanoseconds.
+Parallel shared_by(int threads, const Schedule& schedule, int64_t least_cost = 20000);
+
 // Everything in the caller's thread.
 inline Parallel serial() {
   return {[](int64_t total, int64_t, const Body& body) {

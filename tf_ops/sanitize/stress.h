@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <random>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/all_kernels.h"
@@ -24,17 +25,12 @@ inline void expect(bool good, const char* set, const char* what, int64_t size) {
   std::fprintf(stderr, "%s: %s differs at size %lld\n", set, what, static_cast<long long>(size));
 }
 
-// A thread for each part of the work.
+// As the ops share their work, over threads of its own, however cheap the work is.
 inline Parallel real_threads(int threads) {
-  return {[threads](int64_t total, int64_t, const ptn::Body& body) {
-            std::vector<std::thread> running;
-            for (int i = 0; i < threads; ++i) {
-              const int64_t begin = total * i / threads, end = total * (i + 1) / threads;
-              if (begin < end) running.emplace_back([=, &body] { body(begin, end); });
-            }
-            for (std::thread& thread : running) thread.join();
-          },
-          threads};
+  const auto schedule = [](std::function<void()> helper) {
+    std::thread(std::move(helper)).detach();
+  };
+  return ptn::shared_by(threads, schedule, 0);
 }
 
 inline std::vector<float> normal(int64_t size, std::mt19937* random, float deviation = 1.0F) {
