@@ -44,12 +44,27 @@ def describe(meta: dict[str, Any]) -> str:
         "samples seen": meta["step"] * schedule["batch_size"],
         "learning rate": f"{schedule['learning_rate_min']} to {schedule['learning_rate_max']}",
         "started from": record["data"].get("init") or "random weights",
-        "training data": ", ".join(record["data"]["training"]),
-        "validation data": ", ".join(record["data"]["validation"]),
+        "training data": _ranges(record["data"]["training"]),
+        "validation data": _ranges(record["data"]["validation"]),
         **{name: f"{value:.4g}" for name, value in meta["figures"].items()},
     }
     lines = [f"| {meta['kind']} | |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in rows.items()), ""])
+
+
+def _ranges(sequences: Sequence[str]) -> str:
+    """Folders with the ranges of their sequences: ["a/0001", "a/0002"] -> "a/0001-0002"."""
+    parts: list[tuple[str, int, int]] = []  # folder, first, last
+    for folder, _, name in (sequence.rpartition("/") for sequence in sequences):
+        number = int(name)
+        if parts and parts[-1][::2] == (folder, number - 1):
+            parts[-1] = (folder, parts[-1][1], number)
+        else:
+            parts.append((folder, number, number))
+    return ", ".join(
+        f"{folder}/{first:04}" + (f"-{last:04}" if last > first else "")
+        for folder, first, last in parts
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
