@@ -170,22 +170,23 @@ def test_identical_points():
     assert np.isfinite(displacement).all()
 
 
-def test_encoding_once_equals_encoding_the_pair():
+def tracker_and_pair():
     detector, inputs, outputs = run()
     tracker = small_tracker(SMALL_TRACKER, detector)
     randomize_norms(tracker)
     first = tracker_inputs(inputs, outputs, SMALL_TRACKER)
     second = first._replace(xyz=first.xyz + 0.2)
+    return tracker, first, second
+
+
+def test_encoding_once_equals_encoding_the_pair():
+    tracker, first, second = tracker_and_pair()
     streamed = tracker.displacement(tracker.encode(first), tracker.encode(second))
     np.testing.assert_allclose(tracker(first, second), streamed, rtol=1e-4, atol=1e-5)
 
 
 def test_both_ways_are_the_pair_and_the_pair_backwards():
-    detector, inputs, outputs = run()
-    tracker = small_tracker(SMALL_TRACKER, detector)
-    randomize_norms(tracker)
-    first = tracker_inputs(inputs, outputs, SMALL_TRACKER)
-    second = first._replace(xyz=first.xyz + 0.2)
+    tracker, first, second = tracker_and_pair()
     both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(first, second, strict=True)))
     expected = tf.concat([tracker(first, second), tracker(second, first)], 0)
     encoded = tracker.encode(both)
