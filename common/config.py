@@ -21,7 +21,10 @@ def to_dict(config: Any) -> dict[str, Any]:
 
 
 def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
-    """Builds the dataclass `cls` from a dictionary; unknown, missing or mistyped fields are errors.
+    """Builds the dataclass `cls` from a dictionary; unknown or mistyped fields are errors.
+
+    A field that is not there has its default: a record may be older than the field. Without a
+    default it is an error.
 
     Raises:
         InputError: names the field, what was found and what was expected.
@@ -65,12 +68,16 @@ def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None
     if not isinstance(value, dict):
         raise InputError(f"{name}: expected an object, found {value!r}", path)
     hints = typing.get_type_hints(cls)
-    names = [field.name for field in dataclasses.fields(cls)]
-    unknown = sorted(set(value) - set(names))
-    missing = [n for n in names if n not in value]
+    fields = dataclasses.fields(cls)
+    unknown = sorted(set(value) - {field.name for field in fields})
+    missing = [f.name for f in fields if f.name not in value and _has_no_default(f)]
     if unknown or missing:
         raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
-    return cls(**{n: _convert(hints[n], value[n], f"{name}.{n}", path) for n in names})
+    return cls(**{n: _convert(hints[n], v, f"{name}.{n}", path) for n, v in value.items()})
+
+
+def _has_no_default(field: dataclasses.Field) -> bool:
+    return field.default is field.default_factory is dataclasses.MISSING
 
 
 def add_flags(parser: argparse.ArgumentParser, config: Any, prefix: str = "") -> None:

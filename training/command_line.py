@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from common.config import add_flags, from_flags
+from common.errors import InputError
 from common.flags import ArgumentParser
 
 STRATEGIES = ("one", "mirrored", "multiworker")
@@ -78,6 +79,8 @@ def train(flags, make_task, config) -> int:
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
 
+    if config.schedule.frozen_batch_norm and not flags.init:
+        raise InputError("--schedule.frozen_batch_norm needs --init, which brings the averages")
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():
         prepare_workdir(workdir, flags.resume)
@@ -92,9 +95,11 @@ def train(flags, make_task, config) -> int:
     )
     if flags.init and not flags.resume:
         _, arrays = checkpoint.load(flags.init)
-        arrays = {k: v for k, v in arrays.items() if k.startswith("model/")}
+        groups = {"model": run.task.model.weights}
+        if any(name.startswith("auxiliary/") for name in arrays):
+            groups["auxiliary"] = run.task.auxiliary
         with strategy.scope():
-            checkpoint.restore(flags.init, arrays, model=run.task.model.weights)
+            checkpoint.restore(flags.init, arrays, **groups)
     try:
         run_training(run, flags.resume)
     except TrainingDivergedError as error:

@@ -39,6 +39,11 @@ class ScheduleConfig:
     beta1: float = note(0.9, "Adam")
     beta2: float = note(0.999, "Adam")
     epsilon: float = note(1e-8, "Adam")
+    frozen_batch_norm: bool = note(
+        False,
+        "normalise by the moving averages that --init brings, which stay as they are, instead of "
+        "the moments of the batch, which of a few frames are far from them",
+    )
     clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
     keep_checkpoints: int = note(3, "how many of the last checkpoints stay beside the best")

@@ -167,10 +167,11 @@ def compile_train_step(run: Run):
     """Batch -> every loss term and the gradient's norm, after an update of the weights."""
     task, optimizer, strategy = run.task, run.optimizer, run.strategy
     variables, clip = run.variables, task.schedule.clip_norm
+    by_batch = not task.schedule.frozen_batch_norm
 
     def replica_step(batch):
         with tf.GradientTape() as tape:
-            terms = task.losses(batch, training=True)
+            terms = task.losses(batch, training=by_batch)
         gradients = tape.gradient(terms["loss"], variables)
         context = tf.distribute.get_replica_context()
         replicas = context.num_replicas_in_sync
