@@ -15,22 +15,29 @@ PAIR_SIZE = {"cosine_distance": 0.05, "dot_product": 0.1}
 """How far the fused value varies at first: features of one sign are nearly parallel."""
 
 
-def fuse(fusion: Fusion, previous: tf.Tensor, grouped: tf.Tensor) -> tf.Tensor:
-    """The fused value of Table III for every pair.
+def fuse(
+    fusion: Fusion, previous: tf.Tensor, current: tf.Tensor, neighbors: tf.Tensor
+) -> tf.Tensor:
+    """The fused value of Table III for every pair of a point i and its neighbour j.
 
-    previous (B, M, C) features f_i of frame t-1, grouped (B, M, K, C) features f_j of frame t
+    previous (B, M, C) features f_i of frame t-1, current (B, L, C) features f_j of frame t,
+    neighbors (B, M, K) int32 rows of frame t
     -> (B, M, K, C) for elementwise_product, (B, M, K, 1) for cosine_distance and dot_product.
-    Dot products are divided by C, to start at the scale of the other features.
+    Dot products are divided by C, to start at the scale of the other features. One matrix product
+    of all M L pairs costs less than to move the features of the M K pairs that are asked for.
     """
-    product = previous[:, :, tf.newaxis, :] * grouped
     if fusion == "elementwise_product":
-        return product
-    dot = tf.reduce_sum(product, -1, keepdims=True)
+        return previous[:, :, tf.newaxis, :] * group_point(current, neighbors)
     if fusion == "dot_product":
-        return dot / float(previous.shape[-1])
-    norms = tf.sqrt(tf.reduce_sum(tf.square(previous), -1, keepdims=True)[:, :, tf.newaxis] + 1e-8)
-    norms *= tf.sqrt(tf.reduce_sum(tf.square(grouped), -1, keepdims=True) + 1e-8)
-    return dot / norms
+        previous = previous / float(previous.shape[-1])
+    else:
+        previous, current = _unit(previous), _unit(current)
+    pairs = tf.matmul(previous, current, transpose_b=True)  # (B, M, L)
+    return tf.gather(pairs, neighbors, batch_dims=2)[..., tf.newaxis]
+
+
+def _unit(features: tf.Tensor) -> tf.Tensor:
+    return features * tf.math.rsqrt(tf.reduce_sum(tf.square(features), -1, keepdims=True) + 1e-8)
 
 
 class AssociationHead(keras.layers.Layer):
@@ -70,7 +77,7 @@ class AssociationHead(keras.layers.Layer):
         neighbors = neighbors_within(self.num_neighbors, self.radius, xyz, xyz_previous)
         pair = None
         if self.fusion != "concat":
-            pair = fuse(self.fusion, features_previous, group_point(features, neighbors))
+            pair = fuse(self.fusion, features_previous, features, neighbors)
         kept = (features, features_previous) if self.has_features else (None, None)
         return self.mlp(
             xyz,

@@ -79,7 +79,7 @@ def train(flags, make_task, config) -> int:
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
 
-    if config.schedule.frozen_batch_norm and not flags.init:
+    if config.schedule.frozen_batch_norm and not (flags.init or flags.resume):
         raise InputError("--schedule.frozen_batch_norm needs --init, which brings the averages")
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():

@@ -7,6 +7,7 @@ import pytest
 import tensorflow as tf
 from network_cases import cloud, randomize_norms
 
+from models.association_head import fuse
 from models.config import SetAbstractionConfig, SetUpconvConfig, multi_scale
 from models.feature_propagation import FeaturePropagation, interpolation_indices
 from models.linear_norm import EPSILON, LinearNormReLU, SharedMLP
@@ -188,6 +189,25 @@ def test_set_upconv_with_and_without_skip():
         layer = SetUpconv(4, channels, SetUpconvConfig(8.0, (8, 8, 16), 3), 0.9)
         skip = np.ones((1, 20, 6), "f4") if channels else None
         assert layer(coarse, features, fine, skip, neighbors, training=False).shape == (1, 20, 16)
+
+
+@pytest.mark.parametrize("fusion", ["cosine_distance", "dot_product", "elementwise_product"])
+def test_fused_value_of_each_pair(fusion):
+    rng = np.random.default_rng(2)
+    previous = rng.normal(size=(2, 5, 4)).astype(np.float32)
+    current = rng.normal(size=(2, 7, 4)).astype(np.float32)
+    previous[0, 0] = 0.0  # a point that all its channels' ReLU cut off
+    neighbors = rng.integers(0, 7, (2, 5, 3)).astype(np.int32)
+    found = fuse(fusion, *map(tf.constant, (previous, current, neighbors))).numpy()
+    for b, i, k in np.ndindex(2, 5, 3):
+        one, other = previous[b, i], current[b, neighbors[b, i, k]]
+        sizes = max(np.linalg.norm(one) * np.linalg.norm(other), 1e-8)
+        expected = {
+            "cosine_distance": [one @ other / sizes],
+            "dot_product": [one @ other / 4],
+            "elementwise_product": one * other,
+        }[fusion]
+        np.testing.assert_allclose(found[b, i, k], expected, rtol=1e-4, atol=1e-6)
 
 
 def test_shared_mlp_keeps_leading_axes():

@@ -230,6 +230,29 @@ def test_bad_configuration_and_data_are_named(tmp_path, capsys):
     assert not (tmp_path / "work").exists()
 
 
+def test_frozen_batch_norm_leaves_the_averages_as_they_are(tiny_data, tmp_path):
+    for frozen in (False, True):
+        schedule = dataclasses.replace(SHORT, frozen_batch_norm=frozen)
+        run = detector_run(tiny_data, tmp_path / str(frozen), schedule)
+        model = run.task.model
+        before = [[w.numpy() for w in group] for group in (model.weights, model.trainable_weights)]
+        loop.run_training(run)
+        after = [model.weights, model.trainable_weights]
+        moved = [
+            sum(np.any(old != new.numpy()) for old, new in zip(*pair, strict=True))
+            for pair in zip(before, after, strict=True)
+        ]
+        averages = len(model.non_trainable_weights)
+        assert moved[1] > 0
+        assert moved[0] - moved[1] == (0 if frozen else averages)
+
+
+def test_frozen_batch_norm_needs_averages(tmp_path, capsys):
+    flags = ["--data_root", "x", "--schedule.frozen_batch_norm", "true"]
+    assert run_script(train_det.main, [*flags, "--workdir", str(tmp_path / "work")]) == 2
+    assert capsys.readouterr().err.count("needs --init") == 1
+
+
 def test_multiworker_needs_tf_config(monkeypatch):
     monkeypatch.delenv("TF_CONFIG", raising=False)
     with pytest.raises(InputError, match="TF_CONFIG"):
