@@ -51,10 +51,20 @@ def git_commit() -> str | None:
         return None
 
 
+def command() -> str:
+    """The command line of this process: `evaluate.py ...` or `python -m experiments.table2 ...`."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    if spec is None:
+        program = [Path(sys.argv[0]).name]
+    else:
+        program = ["python", "-m", spec.name.removesuffix(".__main__")]
+    return shlex.join([*program, *sys.argv[1:]])
+
+
 def provenance(**details: Any) -> dict[str, Any]:
     """A JSON-ready record of this run; `details` (config, seed, data set...) are added to it."""
     return {
-        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": command(),
         "time_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "git_commit": git_commit(),
         "machine": {

@@ -42,8 +42,6 @@ def common_fields(args: argparse.Namespace) -> dict[str, Any]:
 def write(out: Path, name: str, title: str, tables: str, figures: Any) -> None:
     """`name.md` and `name.json`, the command that made them in both."""
     record = provenance()
-    command = record["command"]
-    module = f"python -m experiments.{command.replace('.py', '', 1)}"
-    write_text(out / f"{name}.md", f"# {title}\n\nMade by `{module}`.\n\n{tables}")
+    write_text(out / f"{name}.md", f"# {title}\n\nMade by `{record['command']}`.\n\n{tables}")
     write_json(out / f"{name}.json", {"run": record, "figures": figures})
     print(tables, end="")

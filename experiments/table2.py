@@ -230,8 +230,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         detector |= training_times(config, sequence, flags.repeats)
     stream = stream_times(networks, scans, flags.repeats)
     record = provenance(config={"repeats": flags.repeats})
-    command = record["command"].replace("table2.py", "python -m experiments.table2")
-    text = table(detector, stream, command)
+    text = table(detector, stream, record["command"])
     print(text, end="")
     write_text(flags.out / "table2.md", text)
     write_json(

@@ -50,7 +50,7 @@ def _detector_panel(panel, task, batch) -> None:
 
 
 def _tracker_panel(panel, task, batch) -> None:
-    found, _ = task.predict(batch, training=False)
+    found = task.predict_forward(batch)
     xyz, predicted, target, foreground = (x.numpy()[0] for x in found)
     panel.scatter(xyz[:, 0], xyz[:, 1], s=0.5, color="lightgrey")
     chosen = np.flatnonzero(foreground == 1)[::10]

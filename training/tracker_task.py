@@ -18,7 +18,14 @@ import tensorflow as tf
 from models.box_coding import head_channels
 from models.detector import Detector, DetectorInputs, detector_inputs
 from models.losses import total_loss, tracking_losses
-from models.tracker import Tracker, kept_rows, swapped, tracker_channels, tracker_inputs
+from models.tracker import (
+    Tracker,
+    TrackerInputs,
+    kept_rows,
+    swapped,
+    tracker_channels,
+    tracker_inputs,
+)
 from training.checkpoint import content_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
@@ -35,7 +42,7 @@ class PairBatch(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Displacement (2B, M, 3) at some points, the true one, and their foreground (2B, M)."""
+    """Displacement (F, M, 3) at some points, the true one, and their foreground (F, M)."""
 
     xyz: tf.Tensor
     displacement: tf.Tensor
@@ -44,9 +51,10 @@ class Prediction(NamedTuple):
 
     @classmethod
     def at(cls, rows: tf.Tensor, displacement: tf.Tensor, batch: PairBatch) -> Prediction:
-        """With the targets of the points `rows` (2B, M) of the frames."""
+        """With the targets of the points `rows` (F, M) of the batch's first F frames."""
+        frames = tf.shape(rows)[0]
         xyz, target, foreground = (
-            tf.gather(x, rows, batch_dims=1)
+            tf.gather(x[:frames], rows, batch_dims=1)
             for x in (batch.inputs.query_xyz, batch.displacement, batch.foreground)
         )
         return cls(xyz, displacement, target, foreground)
@@ -119,15 +127,30 @@ class TrackerTask:
         inputs = detector_inputs(frames.points, self.detector.config)
         return PairBatch(inputs, frames.displacement, frames.foreground)
 
-    def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
-        """Of the graph at the kept points, and of the read-out at those of TSA2."""
+    def detect(self, batch: PairBatch) -> tuple[tf.Tensor, TrackerInputs]:
+        """The rows (2B, N') that the frozen detector keeps, and what it tells of them."""
         outputs = self.detector(batch.inputs, training=False)
-        config = self.config.tracker
-        frames = tracker_inputs(batch.inputs, outputs, config)
-        encoded = self.model.encode(tf.nest.map_structure(tf.stop_gradient, frames), training)
+        frames = tracker_inputs(batch.inputs, outputs, self.config.tracker)
+        rows = kept_rows(batch.inputs, outputs, self.config.tracker)
+        return rows, tf.nest.map_structure(tf.stop_gradient, frames)
+
+    def predict_forward(self, batch: PairBatch) -> Prediction:
+        """From the B frames t-1 to their frames t, as the tracker is used."""
+        rows, frames = self.detect(batch)
+        pairs = tf.shape(rows)[0] // 2
+        first, second = (
+            tf.nest.map_structure(lambda x, half=half: x[half], frames)
+            for half in (slice(None, pairs), slice(pairs, None))
+        )
+        displacement = self.model(first, second)
+        return Prediction.at(rows[:pairs], displacement, batch)
+
+    def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
+        """In both directions: of the graph at the kept points, of the read-out at those of TSA2."""
+        rows, frames = self.detect(batch)
+        encoded = self.model.encode(frames, training)
         embedding = self.model.associate(encoded, swapped(encoded), training)
         displacement = self.model.refine(encoded, embedding, training)
-        rows = kept_rows(batch.inputs, outputs, config)
         sampled = tf.gather(rows, encoded.rows, batch_dims=1)
         return (
             Prediction.at(rows, displacement, batch),
@@ -142,10 +165,8 @@ class TrackerTask:
 
     def validation_step(self, batch: PairBatch) -> list[tf.Tensor]:
         """End-point errors (B, N') metres and foreground of the kept points of frames t-1."""
-        found, _ = self.predict(batch, training=False)
-        pairs = tf.shape(found.foreground)[0] // 2
-        errors = tf.norm(found.displacement - found.target, axis=-1)
-        return [errors[:pairs], found.foreground[:pairs]]
+        found = self.predict_forward(batch)
+        return [tf.norm(found.displacement - found.target, axis=-1), found.foreground]
 
     def validate(self, batches) -> dict[str, float]:
         """Mean end-point error on foreground and background points, metres."""

@@ -2,11 +2,15 @@
 
 import json
 import subprocess
+from importlib.machinery import ModuleSpec
+
+import pytest
 
 from common import provenance
 
 
 def test_record_is_json_ready_and_complete(monkeypatch):
+    monkeypatch.setattr("__main__.__spec__", None)
     monkeypatch.setattr("sys.argv", ["/somewhere/evaluate.py", "--out", "a b"])
     record = provenance.provenance(seed=3, config={"iou": 0.5})
     assert record["command"] == "evaluate.py --out 'a b'"
@@ -14,6 +18,14 @@ def test_record_is_json_ready_and_complete(monkeypatch):
     assert {"python", "numpy", "shapely"} <= set(record["versions"])
     assert record["machine"]["cpu_count"] >= 1
     json.dumps(record, allow_nan=False)
+
+
+@pytest.mark.parametrize("module", ["experiments.table2", "tf_ops.bench.__main__"])
+def test_command_of_a_module_names_it_as_python_does(monkeypatch, module):
+    monkeypatch.setattr("__main__.__spec__", ModuleSpec(module, None))
+    monkeypatch.setattr("sys.argv", ["/somewhere/x.py", "--seqs", "0000"])
+    name = module.removesuffix(".__main__")
+    assert provenance.command() == f"python -m {name} --seqs 0000"
 
 
 def test_without_git_the_commit_is_none(monkeypatch):

@@ -10,6 +10,7 @@ from small_weights import write_weights
 
 from common import flags
 from common.errors import InputError
+from common.provenance import command
 from experiments import ablation, table3, table4
 from experiments.ablation import DISTANCES
 from experiments.paper import ABLATION_COLUMNS
@@ -74,7 +75,7 @@ def test_table3_goes_on_where_it_was_interrupted(root, tmp_path, monkeypatch):
         assert all(s["clear3d"]["FN"] == 0 for s in settings if s["boxes"] == "gt")
         assert all(s["end_point_error"] > 0 for s in settings)
     text = " ".join((tmp_path / "tables" / "table3.md").read_text().split())
-    assert "Made by `python -m experiments." in text
+    assert f"Made by `{' '.join(command().split())}`" in text
     assert "| paper: cosine distance | 0.747 | 0.811 | 0.680 | 0.047 |" in text
     assert "| true boxes, 2 m |" in text and "1 epochs of 2 pairs, seed 0" in text
 
