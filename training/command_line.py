@@ -35,6 +35,13 @@ def parser(description: str, config) -> ArgumentParser:
     add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
     add("--resume", action="store_true", help="go on where the training in --workdir stopped")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
+    add(
+        "--fresh",
+        type=lambda text: text.split(","),
+        default=[],
+        metavar="LAYERS",
+        help="layers, like fp2,fc1, that start from random weights nevertheless",
+    )
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
     add("--deterministic", action="store_true", help="the same bits in every run")
     add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
@@ -75,7 +82,6 @@ def open_data(flags):
 
 def train(flags, make_task, config) -> int:
     """Runs a training as the flags say; returns the exit code (1 if it diverged)."""
-    from training import checkpoint
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
 
@@ -91,18 +97,32 @@ def train(flags, make_task, config) -> int:
         lambda: make_task(config, training, validation),
         strategy,
         workdir,
-        {**record, "init": flags.init},
+        {**record, "init": flags.init, "fresh": flags.fresh},
     )
     if flags.init and not flags.resume:
-        _, arrays = checkpoint.load(flags.init)
-        groups = {"model": run.task.model.weights}
-        if any(name.startswith("auxiliary/") for name in arrays):
-            groups["auxiliary"] = run.task.auxiliary
         with strategy.scope():
-            checkpoint.restore(flags.init, arrays, **groups)
+            _start_from(flags.init, run, flags.fresh)
     try:
         run_training(run, flags.resume)
     except TrainingDivergedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _start_from(path: str, run, fresh: list[str]) -> None:
+    """Assigns the network of a checkpoint, and its read-out if it has one, but not `fresh`."""
+    from training import checkpoint
+
+    layers = {layer.name: layer for layer in run.task.model.layers}
+    unknown = [name for name in fresh if name not in layers]
+    if unknown:
+        raise InputError(f"--fresh: expected layers among {','.join(layers)}, found {unknown}")
+    kept = {name: layers[name].get_weights() for name in fresh}
+    _, arrays = checkpoint.load(path)
+    groups = {"model": run.task.model.weights}
+    if any(name.startswith("auxiliary/") for name in arrays):
+        groups["auxiliary"] = run.task.auxiliary
+    checkpoint.restore(path, arrays, **groups)
+    for name, weights in kept.items():
+        layers[name].set_weights(weights)
