@@ -101,7 +101,7 @@ def train(flags, make_task, config) -> int:
     )
     if flags.init and not flags.resume:
         with strategy.scope():
-            _start_from(flags.init, run, flags.fresh)
+            start_from(flags.init, run, flags.fresh)
     try:
         run_training(run, flags.resume)
     except TrainingDivergedError as error:
@@ -110,7 +110,7 @@ def train(flags, make_task, config) -> int:
     return 0
 
 
-def _start_from(path: str, run, fresh: list[str]) -> None:
+def start_from(path: str, run, fresh: list[str]) -> None:
     """Assigns the network of a checkpoint, and its read-out if it has one, but not `fresh`."""
     from training import checkpoint
 

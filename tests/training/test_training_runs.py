@@ -23,6 +23,7 @@ from common.flags import run as run_script
 from kitti.sequence import open_sequences
 from models.detector import Detector
 from training import checkpoint, loop
+from training.command_line import start_from
 from training.config import (
     AugmentationConfig,
     DetectorTrainingConfig,
@@ -245,6 +246,19 @@ def test_frozen_batch_norm_leaves_the_averages_as_they_are(tiny_data, tmp_path):
         averages = len(model.non_trainable_weights)
         assert moved[1] > 0
         assert moved[0] - moved[1] == (0 if frozen else averages)
+
+
+def test_layers_that_start_anew(tiny_data, tmp_path):
+    trained, other = (detector_run(tiny_data, tmp_path, SHORT) for _ in range(2))
+    path = tmp_path / "trained.npz"
+    checkpoint.save(path, {"kind": "detector", "config": {}}, model=trained.task.model.weights)
+    start_from(path, other, ["fp4"])
+    for layer, old in zip(other.task.model.layers, trained.task.model.layers, strict=True):
+        kernels = [(a.numpy(), b.numpy()) for a, b in zip(layer.weights, old.weights, strict=True)]
+        equal = all(np.array_equal(*pair) for pair in kernels)
+        assert equal == (layer.name != "fp4"), layer.name
+    with pytest.raises(InputError, match=r"--fresh: expected layers among sa1.*found \['fp9'\]"):
+        start_from(path, other, ["fp9"])
 
 
 def test_frozen_batch_norm_needs_averages(tmp_path, capsys):
