@@ -50,19 +50,22 @@ def decode_detections(
     that it stands for and `doubt` more that say nothing, so boxes on which many points agree come
     first.
     """
-    boxes = decode_boxes(tf.convert_to_tensor(query_xyz), predictions, box).numpy()
     probability = foreground_probability(predictions.mask_logits).numpy()
-    classes = tf.nn.softmax(predictions.class_scores).numpy()
-    return [
-        _suppress(*_proposals(b, p, c, config), config)
-        for b, p, c in zip(boxes, probability, classes, strict=True)
-    ]
+    found = []
+    for b, p in enumerate(probability):
+        rows = np.flatnonzero(p >= config.min_probability)  # few: only their boxes are decoded
+        xyz, likely = tf.nest.map_structure(
+            lambda x, b=b, rows=rows: np.asarray(x)[b : b + 1, rows], (query_xyz, predictions)
+        )
+        boxes = decode_boxes(xyz, likely, box).numpy()[0]
+        classes = tf.nn.softmax(likely.class_scores).numpy()[0]
+        found.append(_suppress(*_proposals(boxes, p[rows], classes, config), config))
+    return found
 
 
 def _proposals(boxes, probability, classes, config: DecodingConfig):
     """Thins the boxes of a frame, (Q, 7), (Q,), (Q, NC), cell by cell."""
-    usable = np.all(np.isfinite(boxes), -1) & (probability >= config.min_probability)
-    rows = np.flatnonzero(usable)
+    rows = np.flatnonzero(np.all(np.isfinite(boxes), -1))
     rows = rows[np.argsort(-probability[rows], kind="stable")]
     cells = np.floor(boxes[rows, :2] / config.cell).astype(np.int64)
     rank = _rank_in_group(cells[:, 0] * 1_000_003 + cells[:, 1])
