@@ -124,7 +124,7 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
     if (weights / "tracker.npz").is_file():
         return
     row = argparse.Namespace(**vars(args))
-    row.init, row.strategy, row.workdir = None, "one", workdir
+    row.init, row.fresh, row.strategy, row.workdir = None, [], "one", workdir
     row.resume = (workdir / "config.json").is_file()
     setattr(row, f"tracker.{table.field}", table.rows[name])
     from training.checkpoint import CheckpointFolder  # TensorFlow only where it is needed
