@@ -33,6 +33,15 @@ class EncodedFrame(NamedTuple):
     rows: tf.Tensor  # (B, 512) int32, the points of TSA2 among those kept
 
 
+def halves(encoded: EncodedFrame) -> tuple[EncodedFrame, EncodedFrame]:
+    """B frames t-1 and then their B frames t, as one batch -> the two, apart."""
+    pairs = tf.shape(encoded.rows)[0] // 2
+    return (
+        tf.nest.map_structure(lambda x: x[:pairs], encoded),
+        tf.nest.map_structure(lambda x: x[pairs:], encoded),
+    )
+
+
 def swapped(encoded: EncodedFrame) -> EncodedFrame:
     """B frames t-1 and then their B frames t, as one batch: the two halves change places."""
     return tf.nest.map_structure(lambda x: tf.roll(x, tf.shape(x)[0] // 2, 0), encoded)
@@ -155,8 +164,4 @@ class Tracker(keras.Model):
     def call(self, previous: TrackerInputs, current: TrackerInputs, training: bool = False):
         """Two frames -> displacement (B, N', 3); both are encoded as one batch."""
         both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(previous, current, strict=True)))
-        encoded = self.encode(both, training)
-        batch = tf.shape(previous.xyz)[0]
-        first = tf.nest.map_structure(lambda x: x[:batch], encoded)
-        second = tf.nest.map_structure(lambda x: x[batch:], encoded)
-        return self.displacement(first, second, training)
+        return self.displacement(*halves(self.encode(both, training)), training)

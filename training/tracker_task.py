@@ -21,6 +21,7 @@ from models.losses import total_loss, tracking_losses
 from models.tracker import (
     Tracker,
     TrackerInputs,
+    halves,
     kept_rows,
     swapped,
     tracker_channels,
@@ -137,13 +138,8 @@ class TrackerTask:
     def predict_forward(self, batch: PairBatch) -> Prediction:
         """From the B frames t-1 to their frames t, as the tracker is used."""
         rows, frames = self.detect(batch)
-        pairs = tf.shape(rows)[0] // 2
-        first, second = (
-            tf.nest.map_structure(lambda x, half=half: x[half], frames)
-            for half in (slice(None, pairs), slice(pairs, None))
-        )
-        displacement = self.model(first, second)
-        return Prediction.at(rows[:pairs], displacement, batch)
+        displacement = self.model.displacement(*halves(self.model.encode(frames)))
+        return Prediction.at(rows[: tf.shape(rows)[0] // 2], displacement, batch)
 
     def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
         """In both directions: of the graph at the kept points, of the read-out at those of TSA2."""
