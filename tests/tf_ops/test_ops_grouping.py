@@ -46,6 +46,19 @@ def test_knn_in_a_deep_tree(kind, k):
     np.testing.assert_array_equal(dist2, expected)
 
 
+@pytest.mark.parametrize("k", [3, 8, 17, 64])
+def test_knn_where_only_the_last_neighbour_ties(k):
+    query = np.zeros((1, 1, 3), np.float32)
+    for seed in range(20):
+        xyz = reference.cloud("random", 1, 300, seed=seed)
+        order = np.argsort(reference.squared_distances(query, xyz)[0, 0], kind="stable")
+        xyz[0, order[k]] = xyz[0, order[k - 1]]
+        expected_index, expected = reference.smallest(k, reference.squared_distances(query, xyz))
+        dist2, index = knn_point(k, xyz, query)
+        np.testing.assert_array_equal(index, expected_index)
+        np.testing.assert_array_equal(dist2, expected)
+
+
 def test_knn_of_distances_that_overflow():
     xyz1 = reference.cloud("random", 1, 60) * np.float32(3e37)
     with np.errstate(over="ignore"):

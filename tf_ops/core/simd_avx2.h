@@ -57,6 +57,12 @@ inline I16 select(M16 m, I16 yes, I16 no) {
           _mm256_blendv_epi8(no.b, yes.b, _mm256_castps_si256(m.b))};
 }
 
+// One more in the chosen lanes.
+inline I16 count(I16 n, M16 m) {
+  return {_mm256_sub_epi32(n.a, _mm256_castps_si256(m.a)),
+          _mm256_sub_epi32(n.b, _mm256_castps_si256(m.b))};
+}
+
 inline float largest(F16 x) {
   const __m256 m = _mm256_max_ps(x.a, x.b);
   __m128 q = _mm_max_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps(m, 1));

@@ -29,6 +29,11 @@ inline Mask bits(M16 m) { return m; }
 inline F16 select(M16 m, F16 yes, F16 no) { return {_mm512_mask_blend_ps(m, no.v, yes.v)}; }
 inline I16 select(M16 m, I16 yes, I16 no) { return {_mm512_mask_blend_epi32(m, no.v, yes.v)}; }
 
+// One more in the chosen lanes.
+inline I16 count(I16 n, M16 m) {
+  return {_mm512_mask_add_epi32(n.v, m, n.v, _mm512_set1_epi32(1))};
+}
+
 inline float largest(F16 a) {
   const __m256 m = _mm256_max_ps(_mm512_maskz_extractf32x8_ps(255, a.v, 0),
                                  _mm512_maskz_extractf32x8_ps(255, a.v, 1));

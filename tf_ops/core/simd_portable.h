@@ -58,6 +58,13 @@ inline Lanes16<Number> select(const M16& m, const Lanes16<Number>& yes, const La
   return r;
 }
 
+// One more in the chosen lanes.
+inline I16 count(const I16& n, const M16& m) {
+  I16 r;
+  for (int i = 0; i < 16; ++i) r.v[i] = n.v[i] - m.v[i];
+  return r;
+}
+
 inline float largest(F16 a) {
   for (int step = 8; step > 0; step /= 2) {
     for (int i = 0; i < step; ++i) a.v[i] = a.v[i] > a.v[i + step] ? a.v[i] : a.v[i + step];

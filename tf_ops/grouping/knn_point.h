@@ -39,8 +39,9 @@ inline void knn_many(const Trees& trees, Clouds queries, int32_t k, float* dist2
 
 inline void knn_point(Clouds clouds, Clouds queries, int32_t k, float* dist2, int32_t* index,
                       const Parallel& parallel) {
-  const Trees trees = build_trees(clouds, 1, parallel);
-  const auto run = k <= kFew ? knn_few : knn_many;
+  const bool few = k <= kFew;
+  const Trees trees = build_trees(clouds, few ? 1 : kManyLeafBlocks, parallel);
+  const auto run = few ? knn_few : knn_many;
   run(trees, queries, k, dist2, index, parallel);
 }
 

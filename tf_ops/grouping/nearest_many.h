@@ -3,6 +3,8 @@
 //
 // To be included inside the namespace of one instruction set, after nodes.h.
 
+constexpr int kManyLeafBlocks = 4;  // many are wanted: few leaves to order, each searched at once
+
 // Distance and index in one number, ordered by distance, then by index.
 using Key = uint64_t;
 
@@ -17,6 +19,13 @@ inline Key make_key(float value, int32_t index) {
   return static_cast<Key>(ordered_bits(value)) << 32 | static_cast<uint32_t>(index);
 }
 
+inline float value_of(Key key) {
+  const uint32_t ordered = static_cast<uint32_t>(key >> 32);
+  const uint32_t raw = (ordered & 0x80000000U) != 0 ? ordered & 0x7FFFFFFFU : ~ordered;
+  float value;
+  std::memcpy(&value, &raw, sizeof(value));
+  return value;
+}
 inline int32_t index_of(Key key) { return static_cast<int32_t>(key & 0xFFFFFFFFU); }
 
 class ManyNearest {
@@ -36,12 +45,9 @@ class ManyNearest {
     query_ = all_point(query);
     visit(tree, tree.top(), 0);
     cut();
-    sort();
-    for (int32_t i = 0; i < k_; ++i) {
-      const int32_t from = order_[i < size_ ? i : 0];
-      dist2[i] = distance_[from];
-      index[i] = index_[from];
-    }
+    if (size_ > kRankSort || !rank_sort(dist2, index)) sort_keys(dist2, index);
+    std::fill(dist2 + std::min<int64_t>(size_, k_), dist2 + k_, dist2[0]);
+    std::fill(index + std::min<int64_t>(size_, k_), index + k_, index[0]);
   }
 
  private:
@@ -52,16 +58,18 @@ class ManyNearest {
         tree.group(level, g).distance2_to(query_), tree.used(level, g), [this] { return limit_; },
         [this, &tree, level, g](int lane) {
           const int64_t node = g * kWidth + lane;
-          level > 0 ? visit(tree, level - 1, node) : scan(tree, node);
+          if (level > 0) return visit(tree, level - 1, node);
+          const int64_t block = node * tree.leaf_blocks();
+          for (int i = 0; i < tree.leaf_blocks(); ++i) scan(tree, block + i);
         });
   }
 
-  void scan(const KdTree& tree, int64_t leaf) {
-    const Point16 points = tree.points(leaf);
+  void scan(const KdTree& tree, int64_t block) {
+    const Point16 points = tree.points(block);
     const F16 d = distance2(points, query_);
     const Mask near = bits(both(d <= all(limit_), points.x < all(kInfinity)));
     compress(&distance_[size_], d, near);
-    compress(&index_[size_], load(tree.index(leaf)), near);
+    compress(&index_[size_], load(tree.index(block)), near);
     size_ += __builtin_popcount(near);
     if (size_ + kWidth > room_) cut();
   }
@@ -116,36 +124,39 @@ class ManyNearest {
     size_ = kept;
   }
 
-  // Fills order_ with the places of the buffer, nearest first, up to k of them.
-  void sort() {
-    if (size_ > kRankSort || !rank_sort()) sort_keys();
-  }
-
-  // Puts each candidate at the rank that is the number of nearer ones; false if some tie.
-  bool rank_sort() {
+  // Puts each candidate at the rank that is the number of nearer ones; false if one of the first k
+  // ties, since a tie leaves the next rank empty.
+  bool rank_sort(float* dist2, int32_t* index) {
     for (int64_t i = size_; i % kWidth != 0; ++i) distance_[i] = kInfinity;
-    const int64_t blocks = divide_up(size_, kWidth), wanted = std::min<int64_t>(size_, k_);
-    int64_t placed = 0;
     std::fill_n(order_.data(), size_, -1);
-    for (int64_t i = 0; i < size_; ++i) {
-      const F16 d = all(distance_[i]);
-      int64_t rank = 0;
-      for (int64_t b = 0; b < blocks; ++b) {
-        rank += __builtin_popcount(bits(load(&distance_[b * kWidth]) < d));
+    for (int64_t first = 0; first < size_; first += kWidth) {
+      const F16 d = load(&distance_[first]);
+      I16 nearer = all(0);
+      for (int64_t i = 0; i < size_; ++i) nearer = count(nearer, all(distance_[i]) < d);
+      alignas(64) int32_t rank[kWidth];
+      store(rank, nearer);
+      for (int64_t i = first; i < std::min(first + kWidth, size_); ++i) {
+        order_[rank[i - first]] = static_cast<int32_t>(i);
       }
-      if (rank >= wanted) continue;
-      if (order_[rank] >= 0) return false;
-      order_[rank] = static_cast<int32_t>(i);
-      ++placed;
     }
-    return placed == wanted;
+    const int64_t wanted = std::min<int64_t>(size_, k_);
+    if (wanted < size_ && order_[wanted] < 0) return false;
+    for (int64_t i = 0; i < wanted; ++i) {
+      const int32_t from = order_[i];
+      if (from < 0) return false;
+      dist2[i] = distance_[from];
+      index[i] = index_[from];
+    }
+    return true;
   }
 
-  void sort_keys() {
+  void sort_keys(float* dist2, int32_t* index) {
     std::vector<Key> sorted = keys();
-    for (int64_t i = 0; i < size_; ++i) order_[i] = static_cast<int32_t>(i);
-    const auto before = [&](int32_t a, int32_t b) { return sorted[a] < sorted[b]; };
-    std::sort(order_.data(), order_.data() + size_, before);
+    std::sort(sorted.begin(), sorted.end());
+    for (int64_t i = 0; i < std::min<int64_t>(size_, k_); ++i) {
+      dist2[i] = value_of(sorted[i]);
+      index[i] = index_of(sorted[i]);
+    }
   }
 
   int32_t k_;
