@@ -41,30 +41,48 @@ class Detections(NamedTuple):
     classes: np.ndarray  # (M,) int32
 
 
-def decode_detections(
-    query_xyz, predictions, box: BoxCodingConfig, config: DecodingConfig
-) -> list[Detections]:
-    """(B, Q, ...) predictions at query_xyz (B, Q, 3) -> Detections of each of the B frames.
+class Proposals(NamedTuple):
+    """The boxes of the points of one frame that may be foreground."""
+
+    boxes: tf.Tensor  # (P, 7) float32 level frame
+    probability: tf.Tensor  # (P,) float32, foreground
+    classes: tf.Tensor  # (P, NC) float32, probabilities
+
+
+def propose(query_xyz, predictions, box: BoxCodingConfig, min_probability: float) -> Proposals:
+    """(Q, ...) predictions at query_xyz (Q, 3), one frame -> Proposals; few boxes are decoded."""
+    probability = foreground_probability(predictions.mask_logits)
+    rows = tf.where(probability >= min_probability)[:, 0]
+    xyz, likely = tf.nest.map_structure(lambda x: tf.gather(x, rows), (query_xyz, predictions))
+    boxes = decode_boxes(*tf.nest.map_structure(lambda x: x[tf.newaxis], (xyz, likely)), box)[0]
+    return Proposals(boxes, tf.gather(probability, rows), tf.nn.softmax(likely.class_scores))
+
+
+def select(proposals: Proposals, config: DecodingConfig) -> Detections:
+    """The boxes that many proposals agree on.
 
     The score of a box is the mean of foreground probability * IoU with it over the proposals
     that it stands for and `doubt` more that say nothing, so boxes on which many points agree come
     first.
     """
-    probability = foreground_probability(predictions.mask_logits).numpy()
+    return _suppress(*_thin(*(x.numpy() for x in proposals), config), config)
+
+
+def decode_detections(
+    query_xyz, predictions, box: BoxCodingConfig, config: DecodingConfig
+) -> list[Detections]:
+    """(B, Q, ...) predictions at query_xyz (B, Q, 3) -> Detections of each of the B frames."""
     found = []
-    for b, p in enumerate(probability):
-        rows = np.flatnonzero(p >= config.min_probability)  # few: only their boxes are decoded
-        xyz, likely = tf.nest.map_structure(
-            lambda x, b=b, rows=rows: np.asarray(x)[b : b + 1, rows], (query_xyz, predictions)
+    for b in range(len(query_xyz)):
+        xyz, frame = tf.nest.map_structure(
+            lambda x, b=b: tf.convert_to_tensor(x[b]), (query_xyz, predictions)
         )
-        boxes = decode_boxes(xyz, likely, box).numpy()[0]
-        classes = tf.nn.softmax(likely.class_scores).numpy()[0]
-        found.append(_suppress(*_proposals(boxes, p[rows], classes, config), config))
+        found.append(select(propose(xyz, frame, box, config.min_probability), config))
     return found
 
 
-def _proposals(boxes, probability, classes, config: DecodingConfig):
-    """Thins the boxes of a frame, (Q, 7), (Q,), (Q, NC), cell by cell."""
+def _thin(boxes, probability, classes, config: DecodingConfig):
+    """Thins the boxes of a frame, (P, 7), (P,), (P, NC), cell by cell."""
     rows = np.flatnonzero(np.all(np.isfinite(boxes), -1))
     rows = rows[np.argsort(-probability[rows], kind="stable")]
     cells = np.floor(boxes[rows, :2] / config.cell).astype(np.int64)

@@ -45,7 +45,10 @@ class FeaturePropagation(keras.layers.Layer):
     def call(self, coarse_features, skip, indices: InterpolationIndices, training: bool):
         """coarse_features (B, M, C), skip (B, N, S) or None -> (B, N, widths[-1])."""
         projected = self.first.project("coarse", coarse_features, training)
+        if not training:  # the weights' sum is 1, so the bias may be added to the coarse points
+            projected += self.first.norm.scale_shift()[1]
         x = three_interpolate(projected, indices.neighbors, indices.weights)
         if skip is not None:
             x += self.first.project("skip", skip, training)
-        return self.rest(self.first.finish(x, training), training=training)
+        x = self.first.finish(x, training) if training else tf.nn.relu(x)
+        return self.rest(x, training=training)

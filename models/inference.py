@@ -8,7 +8,7 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.scans import sample_points
-from models.detections import DecodingConfig, Detections, decode_detections
+from models.detections import DecodingConfig, Detections, propose, select
 from models.detector import Detector, detector_inputs
 from models.probability_filter import foreground_probability
 from models.tracker import EncodedFrame, Tracker, kept_rows, tracker_inputs
@@ -49,7 +49,9 @@ class StreamingNetwork:
         config, probability = self.tracker.config, foreground_probability(outputs.boxes.mask_logits)
         frame = tracker_inputs(inputs, outputs, config)
         kept = tf.gather(probability, kept_rows(inputs, outputs, config), batch_dims=1)
-        return outputs.boxes, probability, frame, kept, self.tracker.encode(frame)
+        only = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
+        proposals = propose(xyz[0], only, self.detector.config.box, self.decoding.min_probability)
+        return proposals, probability, frame, kept, self.tracker.encode(frame)
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
         """(n, >=3) points -> (1, N, 3) chosen by seed and t; repeats where n < N.
@@ -81,13 +83,12 @@ class StreamingNetwork:
         if not len(points):
             return _nothing()
         xyz = self.sample(points, t)
-        predictions, probability, frame, kept, encoded = self._detect(xyz)
-        detections = decode_detections(xyz, predictions, self.detector.config.box, self.decoding)
+        proposals, probability, frame, kept, encoded = self._detect(xyz)
         return FrameState(
             frame.xyz.numpy()[0],
             kept.numpy()[0],
             frame.features.numpy()[0],
-            detections[0],
+            select(proposals, self.decoding),
             probability.numpy()[0],
             xyz[0],
             encoded,

@@ -119,14 +119,19 @@ class LinearNormReLU(keras.layers.Layer):
         self.norm = BatchNormReLU(width, momentum, name="norm")
         self.built = True
 
-    def project(self, part: str, x: tf.Tensor, training: bool) -> tf.Tensor:
-        """x (..., C_part) -> x W_part (..., width); scaled by the folded BatchNorm at inference."""
+    def kernel(self, part: str, training: bool) -> tf.Tensor:
+        """W_part (C_part, width); scaled by the folded BatchNorm at inference."""
         kernel = tf.convert_to_tensor(self.kernels[part].value)
-        if not training:
-            kernel = kernel * self.norm.scale_shift()[0]
-        shape = tf.shape(x)
-        y = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), kernel)
-        return tf.reshape(y, tf.concat([shape[:-1], [self.width]], 0))
+        return kernel if training else kernel * self.norm.scale_shift()[0]
+
+    def project(self, part: str, x: tf.Tensor, training: bool) -> tf.Tensor:
+        """x (..., C_part) -> x W_part (..., width), with `kernel` for W_part."""
+        y = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), self.kernel(part, training))
+        return self._like(x, y)
+
+    def _like(self, x: tf.Tensor, rows: tf.Tensor) -> tf.Tensor:
+        """The rows (R, width) that were made of x (..., C) -> (..., width)."""
+        return tf.reshape(rows, tf.concat([tf.shape(x)[:-1], [self.width]], 0))
 
     def finish(self, y: tf.Tensor, training: bool, pool: bool = False) -> tf.Tensor:
         """BatchNorm and ReLU of the sum of projections, (..., width) -> (..., width).
@@ -141,6 +146,12 @@ class LinearNormReLU(keras.layers.Layer):
 
     def call(self, inputs: dict[str, tf.Tensor], training: bool, pool: bool = False) -> tf.Tensor:
         """{part: (..., C_part)} -> (..., width); pool: the maximum over the last but one axis."""
+        if len(inputs) == 1 and not training and not pool:
+            ((part, x),) = inputs.items()
+            rows = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), self.kernel(part, training))
+            # So written, TensorFlow adds and cuts off while it multiplies.
+            rows = tf.nn.relu(tf.nn.bias_add(rows, self.norm.scale_shift()[1]))
+            return self._like(x, rows)
         parts = [self.project(part, x, training) for part, x in inputs.items()]
         return self.finish(parts[0] if len(parts) == 1 else tf.add_n(parts), training, pool)
 

@@ -6,7 +6,9 @@ import keras
 import tensorflow as tf
 
 from models.linear_norm import NORMALIZED, LinearNormReLU, SharedMLP
-from tf_ops import group_point
+from tf_ops import group_difference
+
+FEW_PAIR_CHANNELS = 4  # up to here e_ij is multiplied while the neighbours are gathered
 
 
 class NeighborhoodMLP(keras.layers.Layer):
@@ -77,9 +79,21 @@ class NeighborhoodMLP(keras.layers.Layer):
         query = first.project("xyz", query_xyz, training)
         if query_features is not None:
             query -= first.project("query", query_features, training)
-        x = group_point(source, neighbors) - query[:, :, tf.newaxis, :]  # (B, M, K, widths[0])
-        if pair_features is not None:
-            x += first.project("pair", pair_features, training)
-        if not self.rest.layers:
-            return first.finish(x, training, pool=True)
-        return self.rest(first.finish(x, training), training=training, pool=True)
+        last = not self.rest.layers
+        x = self._first_layer(source, query, neighbors, pair_features, training, pool=last)
+        return x if last else self.rest(x, training=training, pool=True)
+
+    def _first_layer(self, source, query, neighbors, pair, training: bool, pool: bool):
+        """What follows the projections: (B, M, K, widths[0]), or its maximum over K if pool."""
+        first = self.first
+        if pair is not None and pair.shape[-1] > FEW_PAIR_CHANNELS:
+            x = group_difference(source, neighbors, query)
+            return first.finish(x + first.project("pair", pair, training), training, pool)
+        kernel = None if pair is None else first.kernel("pair", training)
+        if training:
+            return first.finish(
+                group_difference(source, neighbors, query, pair, kernel), training, pool
+            )
+        query -= first.norm.scale_shift()[1]
+        x = group_difference(source, neighbors, query, pair, kernel, relu=True)
+        return tf.reduce_max(x, -2) if pool else x

@@ -5,7 +5,13 @@ int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz.
 """
 
 from tf_ops.boxes import box_iou_3d, box_iou_bev, nms_3d, points_in_boxes
-from tf_ops.grouping import group_point, knn_point, query_ball_point, select_top_k
+from tf_ops.grouping import (
+    group_difference,
+    group_point,
+    knn_point,
+    query_ball_point,
+    select_top_k,
+)
 from tf_ops.interpolation import three_interpolate, three_nn
 from tf_ops.loading import LibraryError, load_library
 from tf_ops.sampling import farthest_point_sample, gather_point
@@ -16,6 +22,7 @@ __all__ = [
     "box_iou_bev",
     "farthest_point_sample",
     "gather_point",
+    "group_difference",
     "group_point",
     "knn_point",
     "load_library",

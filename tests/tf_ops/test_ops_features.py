@@ -7,7 +7,14 @@ import ops_reference as reference
 import pytest
 import tensorflow as tf
 
-from tf_ops import devices, gather_point, group_point, load_library, three_interpolate
+from tf_ops import (
+    devices,
+    gather_point,
+    group_difference,
+    group_point,
+    load_library,
+    three_interpolate,
+)
 
 InvalidArgument = tf.errors.InvalidArgumentError
 TYPES = (tf.float32, tf.float16, tf.bfloat16)
@@ -76,6 +83,39 @@ def test_group_point_second_gradient():
     check_gradient(slope, [normal(1, 4, 2)])
 
 
+@pytest.mark.parametrize("relu", [False, True])
+@pytest.mark.parametrize("pairs", [0, 1, 3])
+@pytest.mark.parametrize("shape", [(1, 1, 1, 1, 1), (2, 9, 5, 4, 3), (3, 4, 50, 7, 33)])
+def test_group_difference_matches_numpy(shape, pairs, relu):
+    batch, size, queries, neighbours, channels = shape
+    points, query = normal(batch, size, channels), normal(batch, queries, channels)
+    index = indices(size, batch, queries, neighbours)
+    expected = reference.group(points, index) - query[:, :, None]
+    pair, weight = normal(batch, queries, neighbours, pairs), normal(pairs, channels)
+    for e in range(pairs):  # term by term: equal to the last bit
+        expected += pair[..., e, None] * weight[e]
+    given = (pair, weight) if pairs else ()
+    found = group_difference(points, index, query, *given, relu=relu)
+    np.testing.assert_array_equal(found, np.maximum(expected, 0) if relu else expected)
+
+
+@pytest.mark.parametrize("relu", [False, True])
+def test_group_difference_gradients(relu):
+    index = np.array([[[0, 0, 2], [2, 0, 1]], [[3, 3, 3], [1, 3, 0]]], np.int32)
+    rng = np.random.default_rng(1)  # of values that no step carries across 0
+    arguments = [
+        rng.choice([-8.0, 8.0], shape).astype(np.float32) * scale
+        for shape, scale in (((2, 4, 5), 1), ((2, 2, 5), 0.5), ((2, 2, 3, 2), 0.2), ((2, 5), 0.02))
+    ]
+
+    def call(points, query, pair, weight):
+        return group_difference(points, index, query, pair, weight, relu=relu)
+
+    assert np.abs(group_difference(arguments[0], index, arguments[1])).min() > 3
+    check_gradient(call, arguments)
+    check_gradient(lambda p, q: group_difference(p, index, q, relu=relu), arguments[:2])
+
+
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("shape", [(1, 1, 1, 1), (2, 5, 40, 19), (2, 40, 5, 32)])
 def test_three_interpolate_matches_numpy(shape, dtype):
@@ -122,6 +162,8 @@ def test_index_out_of_range(bad):
     with pytest.raises(InvalidArgument, match=message):
         group_point(points, index)
     with pytest.raises(InvalidArgument, match=message):
+        group_difference(points, index, normal(2, 5, 6))
+    with pytest.raises(InvalidArgument, match=message):
         three_interpolate(points, index, weight)
     with pytest.raises(InvalidArgument, match=r"index\[1, 3\]"):
         gather_point(points, index[..., 2])
@@ -132,6 +174,7 @@ def test_index_into_nothing():
     index, weight = np.zeros((1, 2, 3), np.int32), normal(1, 2, 3)
     for call in (
         lambda: group_point(points, index),
+        lambda: group_difference(points, index, normal(1, 2, 6)),
         lambda: gather_point(points, index[..., 0]),
         lambda: three_interpolate(points, index, weight),
     ):
@@ -153,6 +196,18 @@ def test_index_out_of_range_in_a_gradient():
 def test_wrong_shapes():
     with pytest.raises(InvalidArgument, match=r"\(B, N, C\) and index \(B, \.\.\.\), received"):
         group_point(normal(2, 4, 6), np.zeros((3, 5, 2), np.int32))
+    points, index, query = normal(2, 4, 6), np.zeros((2, 5, 3), np.int32), normal(2, 5, 6)
+    pair, weight = normal(2, 5, 3, 1), normal(1, 6)
+    for bad in (
+        (points, index[:1], query, pair, weight),
+        (points, index, query[:, :4], pair, weight),
+        (points, index, query[..., :5], pair, weight),
+        (points, index, query, pair[:, :, :2], weight),
+        (points, index, query, pair, normal(2, 6)),
+        (points, index, query, pair, weight[:, :5]),
+    ):
+        with pytest.raises(InvalidArgument, match="must have shape"):
+            group_difference(*bad)
     with pytest.raises(InvalidArgument, match=r"\(B, M, C\), index and weight \(B, N, 3\)"):
         three_interpolate(normal(2, 4, 6), np.zeros((2, 5, 2), np.int32), normal(2, 5, 2))
 
@@ -168,9 +223,11 @@ def test_empty(shape):
     with tf.GradientTape(persistent=True) as tape:
         tape.watch([points, weight])
         grouped = group_point(points, index)
+        difference = group_difference(points, index, tf.zeros((batch, queries, channels)))
         dense = three_interpolate(points, index, weight)
     assert gather_point(points, index[..., 0]).shape == (batch, queries, channels)
-    assert grouped.shape == (batch, queries, neighbours, channels)
+    assert grouped.shape == difference.shape == (batch, queries, neighbours, channels)
+    assert tape.gradient(difference, points).shape == points.shape
     assert dense.shape == (batch, queries, channels)
     assert tape.gradient(grouped, points).shape == points.shape
     assert tape.gradient(dense, points).shape == points.shape
@@ -181,10 +238,21 @@ def test_empty(shape):
 def test_without_the_kernels_tf_gather_gives_the_same(monkeypatch):
     """The way taken on a GPU, run here on the CPU."""
     points, index, weight = normal(2, 9, 8), indices(9, 2, 5, 3), normal(2, 5, 3)
-    ours = group_point(points, index), three_interpolate(points, index, weight)
+    pair = normal(2, 5, 8), normal(2, 5, 3, 2), normal(2, 8)
+
+    def results():
+        return (
+            group_point(points, index),
+            three_interpolate(points, index, weight),
+            group_difference(points, index, *pair),
+            group_difference(points, index, pair[0], relu=True),
+        )
+
+    ours = results()
     for module in ("grouping", "interpolation"):
         monkeypatch.setattr(f"tf_ops.{module}.has_gpu", lambda: True)
-    theirs = group_point(points, index), three_interpolate(points, index, weight)
+    theirs = results()
     np.testing.assert_array_equal(ours[0], theirs[0])
-    np.testing.assert_allclose(ours[1], theirs[1], atol=1e-6)
+    for mine, other in zip(ours[1:], theirs[1:], strict=True):
+        np.testing.assert_allclose(mine, other, atol=1e-6)
     assert devices.has_gpu() == bool(tf.config.list_physical_devices("GPU"))

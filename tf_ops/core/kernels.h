@@ -27,6 +27,19 @@ struct Clouds {
   int64_t size;
 };
 
+// Of every point near a query: points[index] - query + pair weight, then its positive part if relu.
+struct GroupDifference {
+  int64_t batch, size, channels;  // points (batch, size, channels)
+  int64_t queries, neighbours;    // index (batch, queries, neighbours), in range
+  int64_t pairs;                  // pair (batch, queries, neighbours, pairs)
+  const float* points;
+  const int32_t* index;
+  const float* query;   // (batch, queries, channels)
+  const float* pair;    // nothing, if pairs is 0
+  const float* weight;  // (pairs, channels)
+  bool relu;
+};
+
 struct Kernels {
   const char* name;
 
@@ -44,6 +57,9 @@ struct Kernels {
   // The k smallest of each of `rows` rows of `columns` values, smallest first. Needs columns >= 1.
   void (*select_top_k)(const float* values, int64_t rows, int64_t columns, int32_t k,
                        float* smallest, int32_t* index, const Parallel&);
+
+  // grouped (batch, queries, neighbours, channels).
+  void (*group_difference)(const GroupDifference&, float* grouped, const Parallel&);
 
   // Batch normalisation of rows of channels: see normalization/batch_norm.h.
   void (*column_moments)(const float* x, int64_t rows, int64_t channels, float* mean,

@@ -18,6 +18,7 @@ namespace PTN_ISA {
 #include "grouping/nearest_few.h"
 #include "grouping/nearest_many.h"
 // After nearest_few.h and nearest_many.h:
+#include "grouping/group_difference.h"
 #include "grouping/knn_point.h"
 #include "grouping/query_ball_point.h"
 #include "normalization/batch_norm.h"
@@ -27,8 +28,9 @@ namespace PTN_ISA {
 #define PTN_STRING(x) PTN_STRING_(x)
 
 extern const Kernels kKernels;
-const Kernels kKernels = {PTN_STRING(PTN_ISA), farthest_point_sample, query_ball_point, knn_point,
-                          select_top_k,        column_moments,        affine_relu,      grad_sums,
+const Kernels kKernels = {PTN_STRING(PTN_ISA), farthest_point_sample, query_ball_point,
+                          knn_point,           select_top_k,          group_difference,
+                          column_moments,      affine_relu,           grad_sums,
                           affine_relu_grad,    moments_and_extremes,  pooled_grad};
 
 }  // namespace PTN_ISA

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/kernels.h"
+#include "core/prefetch.h"
 
 #if defined(__x86_64__)
 #  if defined(__GNUC__) && !defined(__clang__)

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/parallel.h"
+#include "core/prefetch.h"
 
 namespace ptn {
 
@@ -16,15 +17,6 @@ namespace ptn {
 struct RowSizes {
   int64_t batch, rows, entries, channels;
 };
-
-// Asks for the cache lines of a row that will soon be read, the first few: the processor goes on
-// from there by itself.
-inline void prefetch_row(const void* row, size_t bytes) {
-  constexpr size_t kLine = 64, kMost = 8 * kLine;
-  for (size_t i = 0; i < std::min(bytes, kMost); i += kLine) {
-    __builtin_prefetch(static_cast<const char*>(row) + i);
-  }
-}
 
 // out[b, e] = source[b, index[b, e]]. Indices must be in range.
 template <class T>

@@ -106,3 +106,58 @@ def _group_point_grad(op, grad):
 @tf.RegisterGradient("PointTrackNet>GroupPointGrad")
 def _group_point_grad_grad(op, grad):
     return group_point(grad, op.inputs[1]), None, None
+
+
+def group_difference(
+    points: tf.Tensor,
+    idx: tf.Tensor,
+    query: tf.Tensor,
+    pair: tf.Tensor | None = None,
+    weight: tf.Tensor | None = None,
+    relu: bool = False,
+) -> tf.Tensor:
+    """points[j] - query[i] + pair[i, j] weight for the neighbours j of each i, in one pass.
+
+    The first linear layer of a neighbourhood (PointNet++, FlowNet3D), whose products with points
+    and queries were made before grouping. Differentiable for all but idx.
+
+    Args:
+        points: (B, N, C) float32.
+        idx: (B, M, K) int32, each in [0, N).
+        query: (B, M, C) float32.
+        pair: (B, M, K, E) float32, a few values of each pair, and weight (E, C); or neither.
+        relu: whether to return the positive part.
+
+    Returns:
+        (B, M, K, C) float32.
+
+    Raises:
+        InvalidArgumentError: an index out of range, or a wrong shape.
+    """
+    if has_gpu():
+        grouped = tf.gather(points, idx, batch_dims=1) - query[:, :, tf.newaxis, :]
+        if pair is not None:
+            grouped += tf.einsum("bmke,ec->bmkc", pair, weight)
+        return tf.nn.relu(grouped) if relu else grouped
+    if pair is None:
+        pair, weight = tf.zeros([*tf.unstack(tf.shape(idx)), 0]), tf.zeros([0, tf.shape(query)[2]])
+    return load_library().point_track_net_group_difference(
+        points=points, index=idx, query=query, pair=pair, weight=weight, relu=relu
+    )
+
+
+@tf.RegisterGradient("PointTrackNet>GroupDifference")
+def _group_difference_grad(op, grad):
+    points, index, _, pair, weight = op.inputs
+    if op.get_attr("relu"):
+        grad = tf.where(op.outputs[0] > 0, grad, tf.zeros_like(grad))
+    grad_points = load_library().point_track_net_group_point_grad(
+        grad=grad, index=index, size=tf.shape(points)[1]
+    )
+    return (
+        grad_points,
+        None,
+        -tf.reduce_sum(grad, 2),
+        tf.einsum("bmkc,ec->bmke", grad, weight),
+        tf.einsum("bmke,bmkc->ec", pair, grad),
+    )

@@ -13,7 +13,7 @@ int main() {
     callers.emplace_back([&sets, caller] {
       stress::clouds(sets, caller);
       stress::normalization(sets, caller);
-      stress::rows(caller);
+      stress::rows(sets, caller);
       stress::boxes(caller);
     });
   }

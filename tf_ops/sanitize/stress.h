@@ -43,7 +43,7 @@ inline std::vector<float> normal(int64_t size, std::mt19937* random, float devia
 // Each compares an algorithm in all instruction sets and over threads with plain loops.
 void clouds(const Sets& sets, uint32_t seed);
 void normalization(const Sets& sets, uint32_t seed);
-void rows(uint32_t seed);
+void rows(const Sets& sets, uint32_t seed);
 void boxes(uint32_t seed);
 
 }  // namespace stress

@@ -67,9 +67,39 @@ void interpolate(const std::vector<int32_t>& index, std::mt19937* random) {
   }
 }
 
+// In all instruction sets and over threads, against a plain loop.
+void difference(const Sets& sets, const std::vector<int32_t>& index, std::mt19937* random) {
+  const ptn::RowSizes s = kSizes;
+  const auto points = normal(s.batch * s.rows * s.channels, random);
+  const auto query = normal(s.batch * kThirds * s.channels, random);
+  for (const int64_t pairs : {0, 1, 2}) {
+    const auto pair = normal(s.batch * s.entries * pairs, random);
+    const auto weight = normal(pairs * s.channels, random);
+    for (const bool relu : {false, true}) {
+      const ptn::GroupDifference work = {
+          s.batch,      s.rows,       s.channels,  kThirds,       3,   pairs, points.data(),
+          index.data(), query.data(), pair.data(), weight.data(), relu};
+      std::vector<float> expected, found(static_cast<size_t>(s.batch * s.entries * s.channels));
+      for (int64_t i = 0; i < s.batch * s.entries * s.channels; ++i) {
+        const int64_t e = i / s.channels, c = i % s.channels;
+        const int64_t row = e / s.entries * s.rows + index[e];
+        float value = points[row * s.channels + c] - query[e / 3 * s.channels + c];
+        for (int64_t p = 0; p < pairs; ++p) {
+          value += pair[e * pairs + p] * weight[p * s.channels + c];
+        }
+        expected.push_back(relu ? std::max(value, 0.0F) : value);
+      }
+      for (const Kernels* set : sets) {
+        set->group_difference(work, found.data(), real_threads(3));
+        expect(found == expected, set->name, "group_difference", pairs);
+      }
+    }
+  }
+}
+
 }  // namespace
 
-void rows(uint32_t seed) {
+void rows(const Sets& sets, uint32_t seed) {
   std::mt19937 random(seed);
   std::vector<int32_t> index(static_cast<size_t>(kSizes.batch * kSizes.entries));
   for (int32_t& i : index) i = static_cast<int32_t>(random() % kSizes.rows);
@@ -77,6 +107,7 @@ void rows(uint32_t seed) {
   gather_and_scatter<double>(index, &random);
   interpolate<float>(index, &random);
   interpolate<double>(index, &random);
+  difference(sets, index, &random);
 }
 
 }  // namespace stress
