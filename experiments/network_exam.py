@@ -4,8 +4,9 @@
 
 Box recall and precision at 3-D IoU 0.25 and 0.5 (also for boxes with 50 or more points), end-point
 error of the displacement on foreground points, and MOTA of each tracker on the same boxes
-and PointTrackNet's on true boxes, at displacement 0 and 2 m. Prints a table; writes exam.md and
-exam.json. The networks run once for each displacement; an interrupted run goes on.
+and PointTrackNet's on true boxes, at displacement 0 and 2 m, the latter as mean and standard
+deviation over `--seeds` draws. Prints a table; writes exam.md and exam.json. The networks run once
+for each draw; an interrupted run goes on.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from typing import Any
 import numpy as np
 
 from common.files import write_json, write_text
-from common.flags import ArgumentParser, finite_float, run
+from common.flags import ArgumentParser, finite_float, positive_int, run
 from common.provenance import provenance
 from evaluation.config import EvaluateConfig
 from evaluation.recording import RecordedNetwork, TrueBoxes
 from evaluation.run import evaluate
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_recorded
+from experiments.runs import shown
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
 from kitti.iou import iou_3d
@@ -84,9 +86,9 @@ def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
 
 
 def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dict[str, Any]:
-    """All figures at one displacement."""
+    """All figures at one displacement and seed; what the trackers gave goes into `out`."""
     scenes, distance = displaced_scenes(config), config.displacement
-    recorded.record_all(scenes, f"networks, D = {distance:g} m")
+    recorded.record_all(scenes, f"networks, D = {distance:g} m, seed {config.seed}")
     threshold = float(config.score_threshold or 0.0)
     counts = [box_counts(scene, recorded, threshold) for scene in scenes]
     total = {key: sum(c[key] for c in counts) for key in counts[0]}
@@ -101,11 +103,10 @@ def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dic
     figures["end-point error (m)"] = float(errors.mean()) if len(errors) else None
     for min_iou in MIN_IOUS:
         for tracker in SIDE_BY_SIDE:
-            name = f"{tracker}-{min_iou}-{distance}"
             chosen = replace(config, iou=min_iou)
-            record = evaluate_recorded(chosen, recorded, tracker, out / name)
+            record = evaluate_recorded(chosen, recorded, tracker, out / f"{tracker}-{min_iou}")
             figures[f"MOTA@{min_iou}, {tracker}"] = record["clear3d"]["overall"]["MOTA"]
-    chosen = replace(config, detections="gt", score_threshold=None, out=out / f"gt-{distance}")
+    chosen = replace(config, detections="gt", score_threshold=None, out=out / "gt")
     record = evaluate(chosen, source=TrueBoxes(recorded))
     figures["MOTA@0.5, pointtracknet on true boxes"] = record["clear3d"]["overall"]["MOTA"]
     return figures
@@ -115,15 +116,18 @@ def _ratio(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
-def _table(columns: dict[float, dict[str, Any]], command: str) -> str:
+def table(columns: dict[float, list[dict[str, Any]]], command: str) -> str:
+    """A column for each displacement, over the figures of its seeds."""
+    seeds = max(len(runs) for runs in columns.values())
     lines = [
         "| | " + " | ".join(f"D = {d} m" for d in columns) + " |",
         "|---|" + "---:|" * len(columns),
     ]
-    for name in next(iter(columns.values())):
-        cells = [columns[d][name] for d in columns]
-        shown = ["-" if value is None else f"{value:.3f}" for value in cells]
-        lines.append(f"| {name} | " + " | ".join(shown) + " |")
+    for name in next(iter(columns.values()))[0]:
+        cells = [shown([run[name] for run in runs], 3) for runs in columns.values()]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    if seeds > 1:
+        lines += ["", f"Mean ± standard deviation over {seeds} seeds of the displacement."]
     return "\n".join([*lines, "", f"`{command}`", ""])
 
 
@@ -139,23 +143,27 @@ def main(argv: Sequence[str] | None = None) -> None:
         default=0.0,
         help="least score of a box (recall, precision), least mean of a track",
     )
+    parser.add_argument("--seeds", type=positive_int, default=1, help="of the displacement")
     parser.add_argument("--out", type=Path, default=Path("results/exam"), metavar="DIR")
     flags = parser.parse_args(argv)
     recorded = RecordedNetwork(flags.out / "recordings", flags.weights)
-    columns = {}
-    for distance in (0.0, 2.0):
-        config = EvaluateConfig(
-            data_root=flags.data_root,
-            seqs=tuple(parse_sequences(flags.seqs)),
-            detections="network",
-            tracker="pointtracknet",
-            weights=flags.weights,
-            displacement=distance,
-            score_threshold=flags.score_threshold,
-        )
-        columns[distance] = examine(config, recorded, flags.out)
+    columns: dict[float, list[dict[str, Any]]] = {}
+    for distance, seeds in ((0.0, 1), (2.0, flags.seeds)):
+        for seed in range(seeds):
+            config = EvaluateConfig(
+                data_root=flags.data_root,
+                seqs=tuple(parse_sequences(flags.seqs)),
+                detections="network",
+                tracker="pointtracknet",
+                weights=flags.weights,
+                displacement=distance,
+                seed=seed,
+                score_threshold=flags.score_threshold,
+            )
+            out = flags.out / f"D{distance:g}-seed{seed}"
+            columns.setdefault(distance, []).append(examine(config, recorded, out))
     record = provenance(config=config.record())
-    text = _table(columns, record["command"])
+    text = table(columns, record["command"])
     print(text, end="")
     write_text(flags.out / "exam.md", text)
     write_json(flags.out / "exam.json", {"run": record, "figures": columns})

@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
 from network_cases import SMALL_DETECTOR, cloud
 
 from experiments.network_exam import box_counts, end_point_errors
+from experiments.network_exam import table as exam_table
 from experiments.plain_detector import PlainDetector
 from experiments.table2 import PAPER, multiplications, table
 from kitti.labels import Objects
@@ -98,3 +99,13 @@ def test_end_point_error_of_the_foreground_points():
     errors = end_point_errors(Scene(), Recorded())
     assert len(errors) == 60
     assert errors == pytest.approx(np.full(60, 0.1))
+
+
+def test_the_exams_table_shows_the_spread_over_seeds():
+    columns = {
+        0.0: [{"MOTA": 0.9, "recall": None}],
+        2.0: [{"MOTA": m, "recall": 1} for m in (1, 2, 3)],
+    }
+    lines = exam_table(columns, "command").splitlines()
+    assert lines[2:4] == ["| MOTA | 0.900 | 2.000 ± 1.000 |", "| recall | - | 1.000 ± 0.000 |"]
+    assert "Mean ± standard deviation over 3 seeds of the displacement." in lines
