@@ -33,7 +33,7 @@ from experiments.demonstration import DemoConfig
 from experiments.network_exam import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
 from kitti.splits import parse_sequences
-from training.command_line import configured, open_data, train
+from training.command_line import configured, defaults, open_data, train
 from training.config import TrackerTrainingConfig
 
 DISTANCES = (0.0, 2.0)
@@ -123,9 +123,9 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
     weights, workdir = folder / "weights", folder / "training"
     if (weights / "tracker.npz").is_file():
         return
-    row = argparse.Namespace(**vars(args))
-    row.init, row.fresh, row.strategy, row.workdir = None, [], "one", workdir
-    row.resume = (workdir / "config.json").is_file()
+    row = defaults(TrackerTrainingConfig())
+    vars(row).update(vars(args))
+    row.workdir, row.resume = workdir, (workdir / "config.json").is_file()
     setattr(row, f"tracker.{table.field}", table.rows[name])
     from training.checkpoint import CheckpointFolder  # TensorFlow only where it is needed
     from training.tracker_task import TrackerTask

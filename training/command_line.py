@@ -49,6 +49,11 @@ def parser(description: str, config) -> ArgumentParser:
     return result
 
 
+def defaults(config):
+    """The flags of a training that says nothing but where its data and its workdir are."""
+    return parser("", config).parse_args(["--data_root", "", "--workdir", ""])
+
+
 def configured(flags, config):
     """The configuration that the flags ask for; --smoke cuts its length."""
     config = from_flags(config, flags)
@@ -87,6 +92,8 @@ def train(flags, make_task, config) -> int:
 
     if config.schedule.frozen_batch_norm and not (flags.init or flags.resume):
         raise InputError("--schedule.frozen_batch_norm needs --init, which brings the averages")
+    if flags.fresh and not (flags.init or flags.resume):
+        raise InputError("--fresh needs --init, whose other layers are kept")
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():
         prepare_workdir(workdir, flags.resume)

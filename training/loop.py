@@ -70,7 +70,6 @@ def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data
             beta_2=schedule.beta2,
             epsilon=schedule.epsilon,
         )
-        optimizer.build(task.model.trainable_variables + task.auxiliary)
     resolver = strategy.cluster_resolver
     chief = (
         resolver is None
@@ -83,7 +82,10 @@ def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data
         data=data,
         parameters=int(sum(np.prod(v.shape) for v in task.model.trainable_variables)),
     )
-    return Run(task, optimizer, strategy, order, Path(workdir), chief, started)
+    run = Run(task, optimizer, strategy, order, Path(workdir), chief, started)
+    with strategy.scope():
+        optimizer.build(run.variables)
+    return run
 
 
 def _order(task, replicas: int) -> Order:

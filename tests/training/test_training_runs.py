@@ -261,10 +261,11 @@ def test_layers_that_start_anew(tiny_data, tmp_path):
         start_from(path, other, ["fp9"])
 
 
-def test_frozen_batch_norm_needs_averages(tmp_path, capsys):
-    flags = ["--data_root", "x", "--schedule.frozen_batch_norm", "true"]
-    assert run_script(train_det.main, [*flags, "--workdir", str(tmp_path / "work")]) == 2
-    assert capsys.readouterr().err.count("needs --init") == 1
+@pytest.mark.parametrize("flag", ["--schedule.frozen_batch_norm=true", "--fresh=fp4"])
+def test_what_needs_init(tmp_path, capsys, flag):
+    flags = ["--data_root", "x", flag, "--workdir", str(tmp_path / "work")]
+    assert run_script(train_det.main, flags) == 2
+    assert f"{flag.split('=')[0]} needs --init" in capsys.readouterr().err
 
 
 def test_multiworker_needs_tf_config(monkeypatch):
