@@ -123,6 +123,20 @@ absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const ch
   return absl::OkStatus();
 }
 
+absl::Status grouped_shape(tf::shape_inference::InferenceContext* c) {
+  tf::shape_inference::ShapeHandle points, index, out;
+  TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
+  TF_RETURN_IF_ERROR(c->WithRankAtLeast(c->input(1), 2, &index));
+  if (c->RankKnown(index)) {
+    tf::shape_inference::DimensionHandle batch;
+    TF_RETURN_IF_ERROR(c->Merge(c->Dim(points, 0), c->Dim(index, 0), &batch));
+    TF_RETURN_IF_ERROR(c->ReplaceDim(index, 0, batch, &index));
+  }
+  TF_RETURN_IF_ERROR(c->Concatenate(index, c->Vector(c->Dim(points, 2)), &out));
+  c->set_output(0, out);
+  return absl::OkStatus();
+}
+
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value) {
   OP_REQUIRES_OK(context, context->GetAttr(name, value));
   OP_REQUIRES(context, *value >= 1, invalid(name, " must be at least 1, received ", *value));

@@ -54,6 +54,9 @@ inline Clouds clouds_of(const tf::Tensor& t) {
 absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const char* attribute,
                               bool counts);
 
+// Shape of rows fetched by index: (B, N, C), (B, ...) -> (B, ..., C).
+absl::Status grouped_shape(tf::shape_inference::InferenceContext* c);
+
 // Reads an int attribute that must be at least 1.
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value);
 

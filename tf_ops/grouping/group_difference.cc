@@ -3,10 +3,6 @@
 namespace ptn {
 namespace {
 
-using tf::shape_inference::DimensionHandle;
-using tf::shape_inference::InferenceContext;
-using tf::shape_inference::ShapeHandle;
-
 REGISTER_OP("PointTrackNet>GroupDifference")
     .Attr("relu: bool")
     .Input("points: float32")
@@ -15,17 +11,7 @@ REGISTER_OP("PointTrackNet>GroupDifference")
     .Input("pair: float32")
     .Input("weight: float32")
     .Output("grouped: float32")
-    .SetShapeFn([](InferenceContext* c) {
-      ShapeHandle points, index, out;
-      DimensionHandle batch;
-      TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
-      TF_RETURN_IF_ERROR(c->WithRank(c->input(1), 3, &index));
-      TF_RETURN_IF_ERROR(c->Merge(c->Dim(points, 0), c->Dim(index, 0), &batch));
-      TF_RETURN_IF_ERROR(c->ReplaceDim(index, 0, batch, &index));
-      TF_RETURN_IF_ERROR(c->Concatenate(index, c->Vector(c->Dim(points, 2)), &out));
-      c->set_output(0, out);
-      return absl::OkStatus();
-    })
+    .SetShapeFn(grouped_shape)
     .Doc(R"doc(
 points[b, index[b, m, k]] - query[b, m] + pair[b, m, k] weight, and its positive part if `relu`.
 

@@ -13,19 +13,7 @@ REGISTER_OP("PointTrackNet>GroupPoint")
     .Input("points: T")
     .Input("index: int32")
     .Output("grouped: T")
-    .SetShapeFn([](InferenceContext* c) {
-      ShapeHandle points, index, out;
-      DimensionHandle batch;
-      TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
-      TF_RETURN_IF_ERROR(c->WithRankAtLeast(c->input(1), 2, &index));
-      if (c->RankKnown(index)) {
-        TF_RETURN_IF_ERROR(c->Merge(c->Dim(points, 0), c->Dim(index, 0), &batch));
-        TF_RETURN_IF_ERROR(c->ReplaceDim(index, 0, batch, &index));
-      }
-      TF_RETURN_IF_ERROR(c->Concatenate(index, c->Vector(c->Dim(points, 2)), &out));
-      c->set_output(0, out);
-      return absl::OkStatus();
-    })
+    .SetShapeFn(grouped_shape)
     .Doc(R"doc(
 Rows of `points` by index, batch by batch.
 
