@@ -6,18 +6,14 @@
 // first; `limit` is asked again before each visit, since visits may lower it.
 template <class Limit, class Visit>
 inline void nearest_first(F16 bounds, Mask used, Limit&& limit, Visit&& visit) {
-  struct Place {
-    float bound;
-    int lane;
-  };
-  alignas(64) float bound[kWidth];
-  store(bound, bounds);
-  Place order[kWidth];
-  int count = 0;
-  for_each_lane(bits(bounds <= all(limit())) & used, [&](int lane) {
-    int i = count++;
-    for (; i > 0 && order[i - 1].bound > bound[lane]; --i) order[i] = order[i - 1];
-    order[i] = {bound[lane], lane};
-  });
-  for (int i = 0; i < count && order[i].bound <= limit(); ++i) visit(order[i].lane);
+  for (Mask left = used; left != 0;) {
+    const float nearest = -largest(all(0.0F) - bounds);
+    const Mask now = bits(bounds == all(nearest)) & left;
+    if (nearest > limit() || now == 0) return;
+    left &= ~now;
+    bounds = select(bounds <= all(nearest), all(kInfinity), bounds);
+    for_each_lane(now, [&](int lane) {
+      if (nearest <= limit()) visit(lane);
+    });
+  }
 }
