@@ -2,7 +2,7 @@
 //
 // To be included inside the namespace of one instruction set, after kd_tree.h.
 
-// Calls visit(place, bound) for the used places of a group whose bound is at most limit(), nearest
+// Calls visit(place) for the used places of a group whose bound is at most limit(), nearest
 // first; `limit` is asked again before each visit, since visits may lower it.
 template <class Limit, class Visit>
 inline void nearest_first(F16 bounds, Mask used, Limit&& limit, Visit&& visit) {
