@@ -18,7 +18,7 @@ from kitti.image_size import image_size_of
 from kitti.scans import in_camera_view
 from kitti.standard_mounting import standard_mounting
 from models.inference import FrameState, StreamingNetwork
-from tracking import Tracks, foreground_motion, make_tracker
+from tracking import Tracks, make_tracker
 from training.weights import load_networks
 
 __all__ = ["Tracker", "Tracks"]
@@ -84,8 +84,11 @@ class Tracker:
         state = self.network.detect(self.points_level(points), self.frame)
         cues = {}
         if self._previous is not None:
-            displacement = self.network.displacement(self._previous, state)
-            cues = foreground_motion(self._previous.points, displacement, self._previous.foreground)
+            cues = {
+                "points": self._previous.points,
+                "displacement": self.network.displacement(self._previous, state),
+                "foreground": self._previous.foreground,
+            }
         found = state.detections
         self._association.predict()
         tracks = self._association.update(found.boxes, found.scores, frame=self.frame, **cues)

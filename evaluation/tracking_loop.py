@@ -14,7 +14,6 @@ from kitti.labels import Objects
 from tracking import (
     TrueDisplacement,
     assign_label_ids,
-    foreground_motion,
     geometric_appearance,
     make_tracker,
 )
@@ -127,6 +126,6 @@ class Cues:
         return {} if motions is None else {"ego_motion": motions[t]}
 
     def _predicted_motion(self, _t, _boxes, extras):
-        if "points" not in extras:
-            return {}
-        return foreground_motion(extras["points"], extras["displacement"], extras["foreground"])
+        return {
+            key: extras[key] for key in ("points", "displacement", "foreground") if key in extras
+        }

@@ -182,7 +182,7 @@ def resized(networks, num_points: int, num_kept_points: int):
 def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
     """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
     from models.inference import StreamingNetwork
-    from tracking import foreground_motion, make_tracker
+    from tracking import make_tracker
 
     times = {}
     with Progress(len(PAPER), "N, N'", "setting") as bar:
@@ -193,10 +193,10 @@ def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
             def step(network=network, tracker=tracker, state=state):
                 current = network.detect(scans[1], 1)
                 moved = network.displacement(state[0], current)
-                motion = foreground_motion(state[0].points, moved, state[0].foreground)
+                motion = {"displacement": moved, "foreground": state[0].foreground}
                 tracker.predict()
                 found = current.detections
-                tracker.update(found.boxes, found.scores, **motion)
+                tracker.update(found.boxes, found.scores, points=state[0].points, **motion)
 
             times[n, kept] = median_seconds(step, repeats)
             bar.update()

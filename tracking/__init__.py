@@ -1,7 +1,6 @@
 """Boxes to trajectories: Algorithm 1 and the baselines SORT, DEEP_SORT, AB3DMOT (no TensorFlow)."""
 
 from tracking.appearance import geometric_appearance
-from tracking.association_to_trajectory import foreground_motion
 from tracking.factory import TRACKERS, make_tracker
 from tracking.interface import Tracker, Tracks
 from tracking.true_displacement import TrueDisplacement, assign_label_ids
@@ -12,7 +11,6 @@ __all__ = [
     "Tracks",
     "TrueDisplacement",
     "assign_label_ids",
-    "foreground_motion",
     "geometric_appearance",
     "make_tracker",
 ]

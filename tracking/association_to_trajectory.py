@@ -62,6 +62,7 @@ class AssociationToTrajectory:
         *,
         points: np.ndarray | None = None,
         displacement: np.ndarray | None = None,
+        foreground: np.ndarray | None = None,
         box_displacement: BoxDisplacement | None = None,
         ids: np.ndarray | None = None,
         frame: int | None = None,
@@ -72,7 +73,7 @@ class AssociationToTrajectory:
         label_ids = np.full(len(boxes), -1) if ids is None else np.asarray(ids)
         p, previous = self.parameters, self.life.tracks
         # lines 5-8: each B^{t-1} is moved by the mean displacement of its points
-        moved = self._move(points, displacement, box_displacement)
+        moved = self._move(points, displacement, foreground, box_displacement)
         # lines 9-12: the pairs of largest IoU above tau, largest first so that it is one-to-one;
         # lines 13-15: what is left of t-1 and of t
         matching = greedy(-iou_3d(moved, boxes), -p.tau)
@@ -90,7 +91,7 @@ class AssociationToTrajectory:
         self.life.bury(lambda track: track.time_since_update > p.max_age)
         return self.life.report(self._is_shown, lambda track: track.state.box)
 
-    def _move(self, points, displacement, box_displacement) -> np.ndarray:
+    def _move(self, points, displacement, foreground, box_displacement) -> np.ndarray:
         """Lines 6-8 for every box of t-1; returns (T, 7).
 
         A box without a kept point (or of unknown displacement) moves as it did last.
@@ -103,7 +104,7 @@ class AssociationToTrajectory:
             if mean.shape != (len(boxes), 3):
                 raise InputError(f"expected box displacement ({len(boxes)}, 3), found {mean.shape}")
         elif points is not None:
-            mean = mean_displacement(points, displacement, boxes)
+            mean = mean_displacement(points, displacement, boxes, foreground)
         else:
             mean = np.full((len(boxes), 3), np.nan)
         for state, moved in zip(states, mean, strict=True):
@@ -117,39 +118,36 @@ class AssociationToTrajectory:
         return present and track.hits >= self.parameters.min_hits
 
 
-def foreground_motion(
-    points: np.ndarray, displacement: np.ndarray, probability: np.ndarray
-) -> dict[str, np.ndarray]:
-    """`points` and `displacement` of `update`, without the points that the mask calls background.
-
-    The probability filter keeps N' points of which most are background, the ground within a box
-    among them; their displacement is trained towards 0 and would slow every box down.
-
-    Args:
-        points: (n, >=3) kept points of frame t-1; displacement: (n, 3) metres.
-        probability: (n,) of being foreground.
-    """
-    rows = np.asarray(probability) >= FOREGROUND
-    return {"points": points[rows], "displacement": displacement[rows]}
-
-
 def mean_displacement(
-    points: np.ndarray, displacement: np.ndarray, boxes: np.ndarray
+    points: np.ndarray,
+    displacement: np.ndarray,
+    boxes: np.ndarray,
+    foreground: np.ndarray | None = None,
 ) -> np.ndarray:
     """Mean displacement of the points in each box (Algorithm 1, lines 6-7).
+
+    The probability filter keeps N' points of which most are background, the ground within a box
+    among them; their displacement is trained towards 0 and would slow every box down. So only
+    points that the mask calls foreground count, unless a box holds none of them.
 
     Args:
         points: (n, >=3) points of frame t-1, level frame; displacement: (n, 3), metres.
         boxes: (T, 7) boxes of frame t-1. A point in several boxes counts in each of them.
+        foreground: (n,) probability of being foreground; None: 1 everywhere.
 
     Returns:
         (T, 3) metres, NaN for a box without points. Raises `InputError` on shapes or NaN.
     """
     points = check_rows("points", points, None)
     displacement = check_rows("displacement", displacement, len(points), 3)
+    likely = np.ones(len(points), bool)
+    if foreground is not None:
+        probability = check_rows("foreground", np.reshape(foreground, (-1, 1)), len(points), 1)
+        likely = probability[:, 0] >= FOREGROUND
     mean = np.full((len(boxes), 3), np.nan)
     for row in range(len(boxes)):
         inside = points_in_boxes(points, boxes[row : row + 1]) >= 0
+        chosen = inside & likely
         if inside.any():
-            mean[row] = displacement[inside].mean(axis=0)
+            mean[row] = displacement[chosen if chosen.any() else inside].mean(axis=0)
     return mean

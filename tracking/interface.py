@@ -52,6 +52,7 @@ class Tracker(Protocol):
         *,
         points: np.ndarray | None = None,
         displacement: np.ndarray | None = None,
+        foreground: np.ndarray | None = None,
         box_displacement: BoxDisplacement | None = None,
         appearance: np.ndarray | None = None,
         ego_motion: np.ndarray | None = None,
@@ -68,6 +69,7 @@ class Tracker(Protocol):
             scores: (M,), higher is surer.
             points: (n, 3) points of frame t-1, level frame (Algorithm 1).
             displacement: (n, 3) predicted movement of each of them to frame t, metres.
+            foreground: (n,) probability of each of them of being foreground; None: 1 everywhere.
             box_displacement: called with the boxes of t-1 (T, 7) and their label ids (T,), gives
                 their movement to t (T, 3), NaN where unknown; instead of points (Algorithm 1).
             appearance: (M, C), a row of zeros for a box without one (DEEP_SORT).

@@ -7,7 +7,7 @@ import pytest
 
 from common.errors import InputError
 from tracking import make_tracker
-from tracking.association_to_trajectory import foreground_motion, mean_displacement
+from tracking.association_to_trajectory import mean_displacement
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 2.0, 1.5, 0.0])
 
@@ -160,7 +160,7 @@ def test_background_points_do_not_slow_a_box_down():
     """Foreground moves by 2 m; the ground within the box is kept, and trained towards 0."""
     points = np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 0, -0.7]])
     displacement = np.array([[2.0, 0, 0], [2.0, 0, 0], [0.0, 0, 0]])
-    motion = foreground_motion(points, displacement, np.array([0.9, 0.5, 0.1]))
     box = np.array([[0.0, 0, 0, 4, 2, 1.5, 0]])
-    np.testing.assert_array_equal(mean_displacement(boxes=box, **motion), [[2.0, 0, 0]])
-    assert mean_displacement(points, displacement, box)[0, 0] == pytest.approx(4 / 3)
+    for foreground, expected in (([0.9, 0.5, 0.1], 2), (None, 4 / 3), ([0.4, 0.3, 0.1], 4 / 3)):
+        mean = mean_displacement(points, displacement, box, foreground)
+        np.testing.assert_allclose(mean, [[expected, 0, 0]])
