@@ -23,11 +23,10 @@ from common.files import atomic_path
 from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource, Detected, GroundTruthBoxes
+from evaluation.sources import MOTION, BoxSource, Detected, GroundTruthBoxes, motion_of
 from kitti.labels import VEHICLES
 
 FORMAT = 2
-MOTION = ("points", "foreground", "displacement")  # of `BoxSource`: what the tracker graph says
 SOURCES = ("models/*.py", "evaluation/network.py", "evaluation/recording.py")
 """The code whose outputs are recorded."""
 
@@ -131,8 +130,7 @@ class TrueBoxes:
         """See `BoxSource.frames`."""
         pairs = zip(self.labelled.frames(scene), self.recorded.frames(scene), strict=True)
         for (t, boxes, scores, extras), (*_, network) in pairs:
-            moved = {key: network[key] for key in MOTION if key in network}
-            yield t, boxes, scores, {**extras, **moved}
+            yield t, boxes, scores, {**extras, **motion_of(network)}
 
 
 class Stopwatch:

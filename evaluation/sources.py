@@ -17,6 +17,8 @@ from kitti.labels import Objects, read_detections
 
 Detected = tuple[int, np.ndarray, np.ndarray, dict[str, Any]]
 
+MOTION = ("points", "foreground", "displacement")  # of `BoxSource`: what the tracker graph says
+
 
 class BoxSource(Protocol):
     """Gives the boxes of every frame of a scene, frame 0 first, empty frames included."""
@@ -68,6 +70,11 @@ class DetectionFiles:
     def frames(self, scene: Scene) -> Iterator[Detected]:
         """See `BoxSource.frames`."""
         yield from by_frame(scene.displaced(self.detections[scene.name]), scene.num_frames)
+
+
+def motion_of(extras: dict[str, Any]) -> dict[str, Any]:
+    """What the tracker graph says of a frame, as `Tracker.update` takes it; {} if nothing."""
+    return {key: extras[key] for key in MOTION if key in extras}
 
 
 def by_frame(objects: Objects, num_frames: int) -> Iterator[Detected]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource
+from evaluation.sources import BoxSource, motion_of
 from kitti.boxes import project_boxes
 from kitti.labels import Objects
 from tracking import (
@@ -126,6 +126,4 @@ class Cues:
         return {} if motions is None else {"ego_motion": motions[t]}
 
     def _predicted_motion(self, _t, _boxes, extras):
-        return {
-            key: extras[key] for key in ("points", "displacement", "foreground") if key in extras
-        }
+        return motion_of(extras)
