@@ -1,4 +1,4 @@
-#include "core/op_util.h"
+#include "grouping/grouped_output.h"
 
 namespace ptn {
 namespace {
@@ -41,11 +41,8 @@ class GroupDifferenceOp : public tf::OpKernel {
                         points.shape().DebugString(), ", ", index.shape().DebugString(), ", ",
                         query.shape().DebugString(), ", ", pair.shape().DebugString(), " and ",
                         weight.shape().DebugString()));
-    OP_REQUIRES_OK(context, check_indices(index, "index", points.dim_size(1)));
-    tf::TensorShape shape = index.shape();
-    shape.AddDim(points.dim_size(2));
     tf::Tensor* grouped;
-    OP_REQUIRES_OK(context, context->allocate_output(0, shape, &grouped));
+    OP_REQUIRES_OK(context, make_grouped(context, points, index, &grouped));
     if (grouped->NumElements() == 0) return;
     prefer_huge_pages(grouped);
     const GroupDifference work = {points.dim_size(0),          points.dim_size(1),

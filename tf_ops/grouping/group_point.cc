@@ -1,5 +1,6 @@
 #include "core/op_util.h"
 #include "core/rows.h"
+#include "grouping/grouped_output.h"
 
 namespace ptn {
 namespace {
@@ -62,11 +63,8 @@ class GroupPointOp : public tf::OpKernel {
                 points.dims() == 3 && index.dims() >= 2 && points.dim_size(0) == index.dim_size(0),
                 invalid("points must have shape (B, N, C) and index (B, ...), received ",
                         points.shape().DebugString(), " and ", index.shape().DebugString()));
-    OP_REQUIRES_OK(context, check_indices(index, "index", points.dim_size(1)));
-    tf::TensorShape shape = index.shape();
-    shape.AddDim(points.dim_size(2));
     tf::Tensor* grouped;
-    OP_REQUIRES_OK(context, context->allocate_output(0, shape, &grouped));
+    OP_REQUIRES_OK(context, make_grouped(context, points, index, &grouped));
     if (grouped->NumElements() == 0) return;
     prefer_huge_pages(grouped);
     const RowSizes sizes = {points.dim_size(0), points.dim_size(1),
