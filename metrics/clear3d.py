@@ -5,6 +5,8 @@ No ignore rules: every ground-truth box is asked for, every unmatched result is 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from metrics.comparison import Comparison
@@ -35,6 +37,57 @@ def clear3d(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> O
     """
     import motmetrics  # brings pandas along, a second at import
 
+    accumulator = _accumulate(comparison, keep, min_iou)
+    events = accumulator.events
+    matches = events[events.Type.isin(["MATCH", "SWITCH"])]
+    figures = motmetrics.metrics.create().compute(
+        accumulator, metrics=list(COUNTED), return_dataframe=False
+    )
+    return Outcome(_counts(figures, matches), _matched_scores(comparison, matches))
+
+
+@dataclass(frozen=True)
+class RowErrors:
+    """The errors that `clear3d` counts, row by row.
+
+    Attributes:
+        missed: (R,) bool, truth without a match.
+        false_alarm: (S,) bool, results without a match; False where they do not take part.
+        switched: (S,) bool, matches whose truth was matched to another id before.
+    """
+
+    missed: np.ndarray
+    false_alarm: np.ndarray
+    switched: np.ndarray
+
+
+def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> RowErrors:
+    """Misses, false alarms and id switches of one sequence; arguments as in `clear3d`.
+
+    Their sums are the counts FN, FP and IDS of `clear3d`.
+    """
+    events = _accumulate(comparison, keep, min_iou).events
+    truth, results = comparison.truth, comparison.results
+    return RowErrors(
+        missed=_rows_of(events, "MISS", "OId", truth.frame, truth.track_id),
+        false_alarm=keep & _rows_of(events, "FP", "HId", results.frame, results.track_id),
+        switched=keep & _rows_of(events, "SWITCH", "HId", results.frame, results.track_id),
+    )
+
+
+def _rows_of(events, kind: str, column: str, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """(rows,) bool: which rows, by frame and id, the events of a kind name in `column`."""
+    chosen = events[events.Type == kind]
+    frames = chosen.index.get_level_values("FrameId")
+    found = set(zip(frames.tolist(), chosen[column].astype(int).tolist(), strict=True))
+    rows = zip(frame.tolist(), ids.tolist(), strict=True)
+    return np.fromiter((row in found for row in rows), bool, len(frame))
+
+
+def _accumulate(comparison: Comparison, keep: np.ndarray, min_iou: float):
+    """A motmetrics accumulator that has matched every frame."""
+    import motmetrics
+
     accumulator = motmetrics.MOTAccumulator()
     for frame in range(comparison.num_frames):
         rows, columns = comparison.truth_rows[frame], comparison.result_rows[frame]
@@ -46,12 +99,7 @@ def clear3d(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> O
             np.where(similarity >= min_iou, 1.0 - similarity, np.nan),
             frameid=frame,
         )
-    events = accumulator.events
-    matches = events[events.Type.isin(["MATCH", "SWITCH"])]
-    figures = motmetrics.metrics.create().compute(
-        accumulator, metrics=list(COUNTED), return_dataframe=False
-    )
-    return Outcome(_counts(figures, matches), _matched_scores(comparison, matches))
+    return accumulator
 
 
 def _counts(figures: dict, matches) -> Counts:

@@ -7,7 +7,9 @@ from devkit_reference import iou
 from metric_cases import random_entry, rows
 
 from kitti.boxes import camera_from_level
-from metrics.protocols import Entry, evaluate_protocol
+from kitti.labels import Objects
+from metrics.clear3d import clear3d, row_errors
+from metrics.protocols import Clear3d, Entry, evaluate_protocol
 
 CLASSES = ("Car", "Van")
 
@@ -87,3 +89,30 @@ def test_gate_includes_the_threshold_itself():
         for least in (0.5 - 1e-9, 0.5 + 1e-9)
     }
     assert [part["overall"]["TP"] for part in found.values()] == [1, 0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kept_share", [1.0, 0.7])
+def test_errors_by_row_add_up_to_the_counts(seed, kept_share):
+    comparison = Clear3d([random_entry(seed, objects=8)], CLASSES, 0.25).comparisons[0]
+    keep = np.random.default_rng(seed).random(len(comparison.results)) < kept_share
+    counts = clear3d(comparison, keep, 0.25).counts
+    errors = row_errors(comparison, keep, 0.25)
+    sums = (errors.missed.sum(), errors.false_alarm.sum(), errors.switched.sum())
+    assert sums == (counts.fn, counts.fp, counts.ids)
+    assert min(sums) > 0
+    assert not (errors.false_alarm & errors.switched).any()
+    assert keep[errors.false_alarm | errors.switched].all()
+
+
+def test_errors_name_the_rows():
+    """Frame 0: a match. Frame 1: another id, a switch. Frame 2: the result is far off."""
+    box = [10.0, 0, 0, 4, 2, 1.5, 0]
+    far = [40.0, 0, 0, 4, 2, 1.5, 0]
+    truth = Objects.from_boxes(np.arange(3), 7, np.tile(box, (3, 1)))
+    results = Objects.from_boxes(np.arange(3), [1, 2, 2], [box, box, far], 1.0)
+    comparison = Clear3d([Entry("0000", 3, truth, results)], CLASSES, 0.5).comparisons[0]
+    errors = row_errors(comparison, np.ones(3, bool), 0.5)
+    assert errors.missed.tolist() == [False, False, True]
+    assert errors.false_alarm.tolist() == [False, False, True]
+    assert errors.switched.tolist() == [False, True, False]
