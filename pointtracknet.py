@@ -1,6 +1,6 @@
 """PointTrackNet as a library: scans in, tracks out, one call per scan.
 
-tracker = Tracker.load("weights")
+tracker = Tracker.load()
 for path in sorted(Path("scans").glob("*.bin")):
     tracks = tracker.update(read_scan(path))
     print(tracks.ids, tracks.boxes)
@@ -22,6 +22,13 @@ from tracking import Tracks, make_tracker
 from training.weights import load_networks
 
 __all__ = ["Tracker", "Tracks"]
+
+
+def default_weights() -> Path:
+    """`weights` of the working directory if detector.npz is in it, else those beside this file."""
+    here = Path("weights")
+    shipped = Path(__file__).resolve().parent / "weights"
+    return here if (here / "detector.npz").is_file() else shipped
 
 
 class Tracker:
@@ -49,14 +56,21 @@ class Tracker:
 
     @classmethod
     def load(
-        cls, weights: str | Path = "weights", calib: Calibration | None = None, **parameters: float
+        cls,
+        weights: str | Path | None = None,
+        calib: Calibration | None = None,
+        **parameters: float,
     ) -> Tracker:
         """With the networks of a folder that holds detector.npz and tracker.npz.
+
+        Args:
+            weights: the folder; None for that of `default_weights`.
 
         Raises:
             InputError: weights are missing, broken or do not belong together.
         """
-        return cls(StreamingNetwork(*load_networks(weights)), calib, **parameters)
+        folder = default_weights() if weights is None else weights
+        return cls(StreamingNetwork(*load_networks(folder)), calib, **parameters)
 
     def points_level(self, scan: np.ndarray) -> np.ndarray:
         """(n, >=3) scan, Velodyne frame, metres -> (m, 3) float32 level frame, camera crop."""

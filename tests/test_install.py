@@ -1,0 +1,70 @@
+"""`pip install -e .` in a fresh environment, offline; then the library in another folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+import pointtracknet
+from common.provenance import ROOT
+
+LEFT_OUT = (".*", "__pycache__", "data", "results", "runs", "tests", "docs", "*.egg-info")
+PROGRAM = """
+import numpy as np
+import pointtracknet, tf_ops
+from pointtracknet import Tracker
+
+points = np.random.default_rng(0).uniform((5, -5, -1.7, 0), (40, 5, 1, 1), (3000, 4))
+tracks = Tracker.load().update(points.astype(np.float32))
+print(tracks.boxes.shape == (len(tracks.ids), 7), pointtracknet.__file__, tf_ops.__file__)
+"""
+
+
+def _run(*command, cwd: Path, **variables: str) -> str:
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | variables
+    done = subprocess.run(
+        [str(word) for word in command],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_library_runs_in_another_folder(tmp_path):
+    pytest.importorskip("setuptools", reason="pip builds the editable package with setuptools")
+    checkout, other = tmp_path / "checkout", tmp_path / "other project"
+    shutil.copytree(ROOT, checkout, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    other.mkdir()
+    venv.create(tmp_path / "env", with_pip=False)
+    python = tmp_path / "env" / "bin" / "python"
+    packages = _run(
+        python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=other
+    )
+    installed = sysconfig.get_path("purelib")  # TensorFlow, pip and setuptools, as they are here
+    Path(packages.strip(), "installed.pth").write_text(installed)
+    flags = ("--quiet", "--no-index", "--no-build-isolation", "--no-deps")
+    _run(python, "-m", "pip", "install", *flags, "-e", checkout, cwd=other)
+    shape, *files = _run(python, "-c", PROGRAM, cwd=other, TF_CPP_MIN_LOG_LEVEL="3").split()
+    assert shape == "True"
+    assert [Path(file).is_relative_to(checkout) for file in files] == [True, True]
+
+
+def test_a_weights_folder_of_the_working_directory_comes_first(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert pointtracknet.default_weights() == ROOT / "weights"
+    (tmp_path / "weights").mkdir()
+    assert pointtracknet.default_weights() == ROOT / "weights"  # of another project, it seems
+    (tmp_path / "weights" / "detector.npz").touch()
+    assert pointtracknet.default_weights().resolve() == tmp_path / "weights"
