@@ -1,21 +1,61 @@
-"""Files that are either whole or not there: written under a temporary name, then renamed."""
+"""Reading regular files of bounded size; writing files that are either whole or not there."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from common.errors import InputError
+
+MAX_BYTES = 2**30
+"""Default limit of `read_bytes`: a larger scan or table is no input of this project."""
+
+
+def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
+    """The content of a regular file of at most `limit` bytes.
+
+    Raises:
+        InputError: it does not exist, is a directory, a pipe or a device, is too large, or cannot
+            be read.
+    """
+    try:
+        check_regular(path, limit)
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", path) from error
+
+
+def check_regular(path: str | Path, limit: int = MAX_BYTES) -> None:
+    """Refuses what cannot be read to its end: not a regular file, or larger than `limit` bytes.
+
+    Raises:
+        InputError: directory, pipe, device, or too large.
+        OSError: there is no such file.
+    """
+    found = Path(path).stat()
+    if stat.S_ISDIR(found.st_mode):
+        raise InputError("expected a file, found a directory", path)
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("expected a regular file, found a pipe, socket or device", path)
+    if found.st_size > limit:
+        raise InputError(f"expected at most {limit} bytes, found {found.st_size}", path)
 
 
 @contextlib.contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """Yields a temporary path beside `path`; on success it is synced and renamed to `path`.
 
-    On any exception the temporary file is removed and `path` is left as it was.
+    On any exception the temporary file is removed and `path` is left as it was; an OSError (disk
+    full, no permission) names `path`.
     The temporary name keeps the suffix of `path`, so writers that look at it work.
     """
     path = Path(path)
@@ -31,6 +71,10 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        if error.errno is not None and error.filename in (None, str(temporary)):
+            raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -20,7 +20,7 @@ from evaluation.submission import SUBMISSION, write_submission
 from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
 from kitti.displacement import DisplacementModel
-from kitti.labels import Objects, read_results, write_results
+from kitti.labels import Objects, write_results
 from kitti.sequence import open_sequences
 from metrics.comparison import track_scores
 from metrics.protocols import Entry, evaluate_protocol
@@ -138,7 +138,7 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
 
 
 def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
-    return {s.name: read_results(folder / f"{s.name}.txt", s.num_frames) for s in scenes}
+    return {s.name: s.sequence.read_results(folder / f"{s.name}.txt") for s in scenes}
 
 
 def check_writable(folder: Path) -> None:

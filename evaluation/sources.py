@@ -13,7 +13,7 @@ import numpy as np
 
 from common.errors import InputError
 from evaluation.scene import Scene
-from kitti.labels import Objects, read_detections
+from kitti.labels import Objects
 
 Detected = tuple[int, np.ndarray, np.ndarray, dict[str, Any]]
 
@@ -50,7 +50,7 @@ class GroundTruthBoxes:
 
 
 class DetectionFiles:
-    """Detections of some classes from files `00XX.txt` in AB3DMOT's layout.
+    """Detections of some classes, see `kitti.detections.read_detection_folder`.
 
     All files are read at once, so that a bad one is found before any work is done.
 
@@ -61,9 +61,7 @@ class DetectionFiles:
     def __init__(self, folder: str | Path, scenes: Sequence[Scene], classes: Sequence[str]):
         check_folder(folder)
         self.detections = {
-            scene.name: read_detections(
-                Path(folder) / f"{scene.name}.txt", scene.num_frames
-            ).of_classes(classes)
+            scene.name: scene.sequence.read_detections(folder).of_classes(classes)
             for scene in scenes
         }
 

@@ -20,7 +20,8 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, non_negative_int, run
 from common.progress import progress
 from common.provenance import provenance
-from kitti.labels import Objects, read_detections
+from kitti.detections import read_detections
+from kitti.labels import Objects
 from kitti.sequence import Sequence as KittiSequence
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences

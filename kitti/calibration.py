@@ -15,9 +15,15 @@ from kitti.tables import read_lines
 LEVEL_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """x forward, y left, z up out of x right, y down, z forward; a rotation, so its own inverse.T."""
 
-# Names in the published zip differ from those of the object benchmark's files.
+# Names in the tracking benchmark's zip, and those of the raw data, differ from the object
+# benchmark's.
 _ALIASES = {
+    "P_rect_00": "P0",
+    "P_rect_01": "P1",
+    "P_rect_02": "P2",
+    "P_rect_03": "P3",
     "R_rect": "R0_rect",
+    "R_rect_00": "R0_rect",
     "Tr_velo_cam": "Tr_velo_to_cam",
     "Tr_imu_velo": "Tr_imu_to_velo",
 }
@@ -29,8 +35,12 @@ _SHAPES = {
     "R0_rect": (3, 3),
     "Tr_velo_to_cam": (3, 4),
     "Tr_imu_to_velo": (3, 4),
+    "Tr": (3, 4),
+    "S_rect_02": (2, 1),
 }
+_WRITTEN = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
+_MAX_NUMBER = 1e6  # metres, pixels
 _ROTATION_TOLERANCE = 1e-2  # KITTI's own matrices are orthonormal to about 1e-7
 
 
@@ -44,6 +54,7 @@ class Calibration:
         tr_velo_to_cam: (3, 4) Velodyne -> (unrectified) camera 0.
         tr_imu_to_velo: (3, 4) GPS/IMU -> Velodyne, or None where the file has none.
         p0, p1, p3: (3, 4) projections into the other images, or None.
+        size: width and height of the left colour image in pixels, or None.
     """
 
     p2: np.ndarray
@@ -53,6 +64,7 @@ class Calibration:
     p0: np.ndarray | None = None
     p1: np.ndarray | None = None
     p3: np.ndarray | None = None
+    size: tuple[int, int] | None = None
 
     @cached_property
     def level_from_velo(self) -> np.ndarray:
@@ -100,9 +112,11 @@ def is_rotation(matrices: np.ndarray) -> np.ndarray:
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Reads `calib/00XX.txt`; keys with or without colon, in either of KITTI's spellings.
+    """Reads a calibration of the tracking or the object benchmark, or of odometry.
 
-    Other keys than KITTI's are passed over; P0, P1, P3 and Tr_imu_to_velo may be absent.
+    Keys are with or without colon, in any of KITTI's spellings; other keys are passed over. P0, P1,
+    P3, Tr_imu_to_velo and S_rect_02 may be absent. Odometry's `Tr` (Velodyne -> rectified camera 0)
+    takes the place of R0_rect and Tr_velo_to_cam.
 
     Raises:
         InputError: a key is missing or twice there, has a wrong number of values, a value is not
@@ -118,10 +132,17 @@ def read_calibration(path: str | Path) -> Calibration:
         if name in found:
             raise InputError(f"{name} is there twice, expected once", path, number)
         found[name] = _matrix(name, words[1:], path, number)
+    size, to_rectified = found.pop("S_rect_02", None), found.pop("Tr", None)
+    if to_rectified is not None and "Tr_velo_to_cam" not in found:
+        found |= {"R0_rect": np.eye(3), "Tr_velo_to_cam": to_rectified}
     missing = [name for name in _REQUIRED if name not in found]
     if missing:
-        raise InputError(f"missing key {missing[0]}, expected {', '.join(_REQUIRED)}", path)
-    return Calibration(**{name.lower(): matrix for name, matrix in found.items()})
+        expected = f"expected {', '.join(_REQUIRED)} (or P2 and Tr)"
+        raise InputError(f"missing key {missing[0]}, {expected}", path)
+    return Calibration(
+        **{name.lower(): matrix for name, matrix in found.items()},
+        size=None if size is None else (round(float(size[0, 0])), round(float(size[1, 0]))),
+    )
 
 
 def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndarray:
@@ -135,6 +156,14 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         raise InputError(f"{name}: expected numbers, {error}", path, line) from error
     if not np.isfinite(matrix).all():
         raise InputError(f"{name}: expected finite numbers", path, line)
+    if np.abs(matrix).max() > _MAX_NUMBER:
+        raise InputError(
+            f"{name}: expected numbers of magnitude {_MAX_NUMBER:.0e} at most", path, line
+        )
+    if name == "S_rect_02":
+        if matrix.min() < 1:
+            raise InputError(f"{name}: expected width and height of 1 pixel at least", path, line)
+        return matrix
     if name.startswith("P"):
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise InputError(f"{name}: expected positive focal lengths", path, line)
@@ -145,10 +174,12 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
 
 
 def write_calibration(path: str | Path, calib: Calibration) -> None:
-    """Writes `calib` in KITTI's layout (keys with colon); matrices that are None are left out."""
+    """Writes `calib` in KITTI's layout (keys with colon); what is None is left out."""
     lines = []
-    for name in _SHAPES:
+    for name in _WRITTEN:
         matrix = getattr(calib, name.lower())
         if matrix is not None:
             lines.append(f"{name}: " + " ".join(f"{value:.12e}" for value in np.ravel(matrix)))
+    if calib.size is not None:
+        lines.append("S_rect_02: " + " ".join(f"{side:.6e}" for side in calib.size))
     write_text(path, "\n".join(lines) + "\n")

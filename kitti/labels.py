@@ -1,4 +1,4 @@
-"""Label files (17 columns), result files (18), and detections in AB3DMOT's layout (15)."""
+"""Label files (17 columns) and result files (18)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import numpy as np
 from common.errors import InputError
 from common.files import write_text
 from kitti.boxes import camera_from_level, level_from_camera
-from kitti.objects import CLASSES, VEHICLES, Objects
+from kitti.objects import CLASSES, VEHICLES, Objects, class_name
 from kitti.tables import Table, read_table
 
 __all__ = [
     "CLASSES",
     "VEHICLES",
     "Objects",
-    "read_detections",
     "read_labels",
     "read_results",
     "write_labels",
@@ -25,16 +24,33 @@ __all__ = [
 
 LABEL_COLUMNS = 17
 RESULT_COLUMNS = 18
-DETECTION_COLUMNS = 15
 TYPE_COLUMN = 2
-MAX_FRAMES = 10**6
-"""Frame numbers have six digits in KITTI's file names."""
-DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
-"""Type numbers of AB3DMOT's detection files."""
+MAX_FRAMES = 100_000
+"""Most frames of a sequence; KITTI's longest has 1176."""
+MIN_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e7, 1e12
+"""Bounds of box sizes (metres), of coordinates (metres, pixels), of scores: beyond them a number is
+a mistake, does not come back from a result file, or overflows."""
 
 # What stands for "no 3-D box", as h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
 _NO_BOX_LABEL = (-1000.0, -1000.0, -1000.0, -10.0, -1.0, -1.0, -1.0)
 _NO_BOX_RESULT = (-1.0, -1.0, -1.0, -1000.0, -1000.0, -1000.0, -10.0)
+
+
+class Limit(int):
+    """A number of frames that knows its origin, for messages: `Limit(5, "where ... end")`."""
+
+    origin: str
+
+    def __new__(cls, frames: int, origin: str = "") -> Limit:
+        """Args: frames: how many; origin: from where that is known."""
+        made = super().__new__(cls, frames)
+        made.origin = getattr(frames, "origin", origin)
+        return made
+
+    @property
+    def reason(self) -> str:
+        """In parentheses the origin and the way to more frames; empty if it is unknown."""
+        return f", {self.origin}; a seqmap sets the frames, see docs/DATA.md" if self.origin else ""
 
 
 def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
@@ -67,66 +83,26 @@ def read_results(path: str | Path, num_frames: int | None = None) -> Objects:
     return _objects(read_table(path, widths, text_column=TYPE_COLUMN), num_frames)
 
 
-def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
-    """Reads detections in AB3DMOT's layout; empty means none.
-
-    Columns, separated by commas: frame, type number, x1, y1, x2, y2, score, h, w, l, x, y, z,
-    ry, alpha. Track ids are -1.
-
-    Raises:
-        InputError: as `read_labels`.
-    """
-    table = read_table(path, (DETECTION_COLUMNS,), ",")
-    frame = _frames(table, num_frames)
-    number = table.integers(1, "type number")
-    known = " ".join(f"{key} ({name})" for key, name in DETECTION_TYPES.items())
-    table.refuse(
-        ~np.isin(number, list(DETECTION_TYPES)), f"column 2: expected one of the types {known}"
-    )
-    values = table.numbers(2, DETECTION_COLUMNS)
-    table.refuse((values[:, 5:8] <= 0).any(axis=1), "columns 8-10: expected sizes h w l above 0")
-    names = np.array([DETECTION_TYPES.get(key, "") for key in range(4)])
-    return _sorted(
-        Objects(
-            frame=frame,
-            track_id=np.full(len(table), -1),
-            type=names[number],
-            truncation=np.full(len(table), -1),
-            occlusion=np.full(len(table), -1),
-            alpha=values[:, 12],
-            bbox=values[:, :4],
-            boxes=level_from_camera(*values[:, 5:12].T),
-            score=values[:, 4],
-        )
-    )
-
-
 def _objects(table: Table, num_frames: int | None) -> Objects:
-    frame, track_id = _frames(table, num_frames), table.integers(1, "track id")
-    kind = table.text
-    unknown = set(np.unique(kind).tolist()) - set(CLASSES)
-    if unknown:
-        row = int(np.argmax(np.isin(kind, list(unknown))))
-        raise table.error(
-            f"column 3: unknown class {str(kind[row])!r}, expected one of {' '.join(CLASSES)}", row
-        )
+    frame, track_id = frames_of(table, num_frames), table.integers(1, "track id", bits=64)
+    kind = known_classes(table, 2)
     occlusion = table.integers(4, "occlusion state")
     truncation = table.numbers(3, 4)[:, 0]
     values = table.numbers(5, table.width)
     cared_for = kind != "DontCare"
     table.refuse(cared_for & (track_id < 0), "column 2: expected a track id >= 0")
     has_box = cared_for & ~(values[:, 5:12] == _NO_BOX_RESULT).all(axis=1)
-    table.refuse(
-        has_box & (values[:, 5:8] <= 0).any(axis=1), "columns 11-13: expected sizes h w l above 0"
-    )
+    refuse_sizes(table, values[:, 5:8], has_box, "columns 11-13")
+    scored = values.shape[1] == RESULT_COLUMNS - 5
+    score = values[:, 12] if scored else np.full(len(table), np.nan)
+    refuse_magnitudes(table, np.column_stack([truncation, values[:, :12]]), score)
     table.refuse(
         (values[:, 3:5] < values[:, 1:3]).any(axis=1), "columns 7-10: expected x1 <= x2, y1 <= y2"
     )
-    _refuse_duplicates(table, frame, track_id)
+    track_id = _unique_ids(table, frame, kind, track_id)
     boxes = level_from_camera(*values[:, 5:12].T)
     boxes[~has_box] = np.nan
-    scored = values.shape[1] == RESULT_COLUMNS - 5
-    return _sorted(
+    return sorted_by_frame(
         Objects(
             frame=frame,
             track_id=track_id,
@@ -136,33 +112,75 @@ def _objects(table: Table, num_frames: int | None) -> Objects:
             alpha=values[:, 0],
             bbox=values[:, 1:5],
             boxes=boxes,
-            score=values[:, 12] if scored else np.full(len(table), np.nan),
+            score=score,
         )
     )
 
 
-def _frames(table: Table, num_frames: int | None) -> np.ndarray:
+def known_classes(table: Table, column: int) -> np.ndarray:
+    """The text column as (R,) names of `CLASSES`, whatever their case; refuses other names."""
+    kind = np.array([class_name(name) for name in table.text.tolist()], "<U16")
+    unknown = ~np.isin(kind, CLASSES)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        expected = f"expected one of {' '.join(CLASSES)}"
+        raise table.error(f"column {column + 1}: unknown class {str(kind[row])!r}, {expected}", row)
+    return kind
+
+
+def refuse_sizes(table: Table, sizes: np.ndarray, has_box: np.ndarray, where: str) -> None:
+    table.refuse(has_box & (sizes <= 0).any(axis=1), f"{where}: expected sizes h w l above 0")
+    small = f"{where}: expected sizes h w l of at least {MIN_SIZE} metres"
+    table.refuse(has_box & (sizes < MIN_SIZE).any(axis=1), small)
+
+
+def refuse_magnitudes(table: Table, values: np.ndarray, score: np.ndarray) -> None:
+    beyond = (np.abs(values) > MAX_NUMBER).any(axis=1)
+    table.refuse(beyond, f"expected numbers of magnitude {MAX_NUMBER:.0e} at most")
+    table.refuse(
+        np.abs(score) > MAX_SCORE, f"expected a score of magnitude {MAX_SCORE:.0e} at most"
+    )
+
+
+def frames_of(table: Table, num_frames: int | None) -> np.ndarray:
+    """Column 1 as (R,) frame numbers; refuses those outside 0 to `num_frames` - 1."""
     frame = table.integers(0, "frame number")
     table.refuse(frame < 0, "column 1: expected a frame number >= 0")
-    limit = MAX_FRAMES if num_frames is None else num_frames
-    beyond = f"column 1: frame beyond the sequence, expected 0 to {limit - 1}"
+    limit = Limit(MAX_FRAMES) if num_frames is None else Limit(num_frames)
+    beyond = f"column 1: frame beyond the sequence, expected 0 to {limit - 1}{limit.reason}"
     table.refuse(frame >= limit, beyond)
     return frame
 
 
-def _refuse_duplicates(table: Table, frame: np.ndarray, track_id: np.ndarray) -> None:
-    key = frame.astype(np.int64) << 32 | track_id.astype(np.int64)
+def _unique_ids(
+    table: Table, frame: np.ndarray, kind: np.ndarray, track_id: np.ndarray
+) -> np.ndarray:
+    """Ids (R,) that are unique within each frame.
+
+    An id may be in a frame once per class: KITTI's evaluation looks at one class at a time. Where
+    that happens ids are numbered anew, one number for each pair of class and id.
+    """
     rows = np.flatnonzero(track_id >= 0)
-    rows = rows[np.argsort(key[rows], kind="stable")]
-    again = rows[1:][key[rows[1:]] == key[rows[:-1]]]
+    order = rows[np.lexsort((kind[rows], track_id[rows], frame[rows]))]
+    first, second = order[:-1], order[1:]
+    same = (frame[first] == frame[second]) & (track_id[first] == track_id[second])
+    again = second[same & (kind[first] == kind[second])]
     if len(again):
         row = int(again.min())
         raise table.error(
-            f"frame {frame[row]} has track id {track_id[row]} twice, expected it once", row
+            f"frame {frame[row]} has track id {track_id[row]} twice as {kind[row]}, "
+            "expected it once",
+            row,
         )
+    if not same.any():
+        return track_id
+    pairs = np.array(list(zip(kind.tolist(), track_id.tolist(), strict=True)), "<U16,i8")
+    numbers = track_id.copy()
+    numbers[rows] = np.unique(pairs[rows], return_inverse=True)[1]
+    return numbers
 
 
-def _sorted(objects: Objects) -> Objects:
+def sorted_by_frame(objects: Objects) -> Objects:
     return objects if objects._in_order else objects[np.argsort(objects.frame, kind="stable")]
 
 

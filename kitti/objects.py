@@ -24,6 +24,7 @@ CLASSES = (
 )
 """Type names of the benchmark; sitting persons are `Person` in the labels, `Person_sitting` in
 the devkit's text."""
+_BY_LOWER_CASE = {name.lower(): name for name in CLASSES}
 VEHICLES = ("Car", "Van")
 """What the paper counts as vehicles (636 trajectories)."""
 
@@ -32,7 +33,7 @@ NO_ANGLE = -10.0
 
 _DTYPES = {
     "frame": np.int32,
-    "track_id": np.int32,
+    "track_id": np.int64,
     "type": "<U16",
     "truncation": np.float32,
     "occlusion": np.int32,
@@ -44,13 +45,18 @@ _DTYPES = {
 _WIDTHS = {"bbox": 4, "boxes": 7}
 
 
+def class_name(text: str) -> str:
+    """The benchmark's spelling of a class written in any case; `text` itself if it is unknown."""
+    return _BY_LOWER_CASE.get(text.lower(), text)
+
+
 @dataclass(frozen=True, eq=False)
 class Objects:
     """R rows of a label, result or detection file, as arrays that run in parallel.
 
     Attributes:
         frame: (R,) int32, from 0.
-        track_id: (R,) int32; -1 for DontCare and for detections.
+        track_id: (R,) int64; -1 for DontCare and for detections.
         type: (R,) <U16, one of `CLASSES`.
         truncation: (R,) float32; KITTI tracking: 0 none, 1 partly, 2 largely; -1 unknown.
         occlusion: (R,) int32; 0 visible, 1 partly, 2 largely, 3 unknown; -1 where not given.

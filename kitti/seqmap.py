@@ -1,4 +1,4 @@
-"""Sequence maps (`evaluate_tracking.seqmap*`): how many frames each sequence has."""
+"""Sequence maps (`evaluate_tracking.seqmap*`): the frames of each sequence."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.files import write_text
+from kitti.labels import MAX_FRAMES
 from kitti.splits import sequence_name
 from kitti.tables import read_table
 
@@ -23,22 +24,30 @@ def find_seqmap(data_root: str | Path, subset: str) -> Path | None:
     return None
 
 
-def read_seqmap(path: str | Path) -> dict[int, int]:
-    """Reads rows `0016 empty 000000 000209` -> {16: 209}: sequence number -> frames.
+def read_seqmap(path: str | Path) -> dict[int, range]:
+    """Reads rows `0016 empty 000000 000209` -> {16: range(209)}: sequence number -> frames.
+
+    The last column is the number of frames where the first frame is 0, as in KITTI's own files;
+    where a sequence begins later (half sequences), it is the last frame, as the devkit counts:
+    `0000 empty 000077 000153` -> {0: range(77, 154)}.
 
     Raises:
-        InputError: wrong columns, a first frame that is not 0, no frames, a sequence named twice.
+        InputError: wrong columns, no frames or too many, a sequence named twice.
     """
     table = read_table(path, (4,), text_column=1)
     seqs, first, last = (table.integers(column, "number") for column in (0, 2, 3))
     table.refuse(seqs < 0, "column 1: expected a sequence number >= 0")
-    table.refuse(first != 0, "column 3: expected first frame 0")
-    table.refuse(last <= 0, "column 4: expected a number of frames above 0")
-    frames: dict[int, int] = {}
-    for row, (seq, count) in enumerate(zip(seqs.tolist(), last.tolist(), strict=True)):
+    table.refuse(first < 0, "column 3: expected a first frame >= 0")
+    table.refuse((first == 0) & (last <= 0), "column 4: expected a number of frames above 0")
+    table.refuse((first > 0) & (last < first), "column 4: expected a last frame from column 3 on")
+    table.refuse(last > MAX_FRAMES, f"column 4: expected at most {MAX_FRAMES} frames")
+    frames: dict[int, range] = {}
+    for row, (seq, begin, end) in enumerate(
+        zip(*(c.tolist() for c in (seqs, first, last)), strict=True)
+    ):
         if seq in frames:
             raise table.error(f"sequence {sequence_name(seq)} is there twice", row)
-        frames[seq] = count
+        frames[seq] = range(begin, end + 1 if begin else end)
     return frames
 
 
@@ -50,7 +59,7 @@ def write_seqmap(data_root: str | Path, subset: str, frames: dict[int, int]) -> 
     return path
 
 
-def frames_in_seqmap(data_root: str | Path, subset: str, seq: int) -> int | None:
+def frames_in_seqmap(data_root: str | Path, subset: str, seq: int) -> range | None:
     """Frames of `seq` by the seqmap of `subset`; None without a seqmap or if it lacks `seq`."""
     path = find_seqmap(data_root, subset)
     return None if path is None else read_seqmap(path).get(seq)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence as Seq
 from functools import cached_property
 from itertools import pairwise
@@ -10,12 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
+from common.notes import note
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
+from kitti.detections import read_detection_folder
 from kitti.image_size import image_size_of
-from kitti.labels import read_labels
+from kitti.labels import MAX_FRAMES, Limit, read_labels, read_results
 from kitti.objects import Objects
 from kitti.scans import in_camera_view, read_scan
-from kitti.seqmap import check_subset, frames_in_seqmap
+from kitti.seqmap import check_subset, find_seqmap, frames_in_seqmap
 from kitti.splits import sequence_name
 from kitti.tables import read_table
 
@@ -23,11 +26,11 @@ from kitti.tables import read_table
 class Sequence:
     """Sequence `seq` of `data_root/subset`.
 
-    Its frames are 0 ... num_frames - 1. How many there are is known from a seqmap
-    (`evaluate_tracking.seqmap[.training|.testing]` in data_root or data_root/subset), else from
-    the last labelled frame (that gives the benchmark's 8008 frames), else, where there are no
-    labels (testing), from the last numbered scan. Scan files are never counted: a scan that is
-    missing (0001/177-180) is a frame without a scan.
+    Its frames are known from a seqmap (`evaluate_tracking.seqmap[.training|.testing]` in data_root
+    or data_root/subset), else they are 0 to the last labelled frame (that gives the benchmark's
+    8008 frames), else, where there are no labels (testing), to the last numbered scan. Scan files
+    are never counted: a scan that is missing (0001/177-180) is a frame without a scan. Rows of
+    labels, detections and results outside the frames of a seqmap (a half sequence) are left out.
 
     Args:
         data_root: folder that holds `training/` or `testing/`.
@@ -56,29 +59,36 @@ class Sequence:
         return self.folder / "label_02" / f"{self.name}.txt"
 
     @cached_property
-    def _seqmap_frames(self) -> int | None:
+    def _seqmap_frames(self) -> range | None:
         return frames_in_seqmap(self.data_root, self.subset, self.seq)
 
     @cached_property
-    def num_frames(self) -> int:
-        """Number of frames, with or without scan."""
+    def frames(self) -> range:
+        """All frame numbers, with or without scan."""
         if self._seqmap_frames is not None:
             return self._seqmap_frames
         if self.subset == "training":
-            return int(self.objects.frame[-1]) + 1
+            return range(int(self.objects.frame[-1]) + 1)
         numbers = [
-            int(path.stem) for path in self._scan_folder.glob("*.bin") if path.stem.isdigit()
+            int(path.stem)
+            for path in self._scan_folder.glob("*.bin")
+            if re.fullmatch(r"\d{6}", path.stem, re.ASCII)
         ]
         if not numbers:
             raise InputError(
                 f"sequence {self.name} has neither seqmap nor scans", self._scan_folder
             )
-        return max(numbers) + 1
+        if max(numbers) >= MAX_FRAMES:
+            raise InputError(
+                f"expected scans of frames 0 to {MAX_FRAMES - 1}, found {max(numbers)}",
+                self._scan_folder,
+            )
+        return range(max(numbers) + 1)
 
     @property
-    def frames(self) -> range:
-        """All frame numbers."""
-        return range(self.num_frames)
+    def num_frames(self) -> int:
+        """The number after the last frame's."""
+        return self.frames.stop
 
     @cached_property
     def calib(self) -> Calibration:
@@ -95,7 +105,36 @@ class Sequence:
         """The labelled objects, DontCare included; none for the testing subset."""
         if self.subset == "testing":
             return Objects.empty()
-        return read_labels(self.label_path, self._seqmap_frames)
+        if self._seqmap_frames is None:
+            return read_labels(self.label_path)
+        return self._in_frames(read_labels(self.label_path, MAX_FRAMES), self.label_path)
+
+    def read_results(self, path: str | Path) -> Objects:
+        """A tracker's result file of this sequence, see `kitti.labels.read_results`."""
+        return self._in_frames(read_results(path, self._limit), path)
+
+    def read_detections(self, folder: str | Path) -> Objects:
+        """The sequence's detections in a folder, see `kitti.detections.read_detection_folder`."""
+        return self._in_frames(read_detection_folder(folder, self.name, self._limit), folder)
+
+    @property
+    def _limit(self) -> Limit:
+        """Frames that rows of other files than the labels may have."""
+        if self._seqmap_frames is None and self.subset == "training":
+            return Limit(self.num_frames, f"where the labels {self.label_path} end")
+        if self.subset == "testing":
+            return Limit(self.num_frames)
+        labelled = read_labels(self.label_path, MAX_FRAMES).frame.max(initial=-1) + 1
+        end = f"where the seqmap {find_seqmap(self.data_root, self.subset)} ends"
+        return Limit(max(self.num_frames, int(labelled)), end)
+
+    def _in_frames(self, rows: Objects, path: str | Path) -> Objects:
+        inside = (rows.frame >= self.frames.start) & (rows.frame < self.frames.stop)
+        if inside.all():
+            return rows
+        span = f"{self.frames.start} to {self.frames.stop - 1}"
+        note(f"{path}: {int((~inside).sum())} rows outside the seqmap's frames {span} are left out")
+        return rows[inside]
 
     @property
     def _scan_folder(self) -> Path:
@@ -127,7 +166,7 @@ class Sequence:
 
     @cached_property
     def poses(self) -> np.ndarray | None:
-        """(F, 4, 4) float64: level frame of frame t -> level frame of frame 0.
+        """(F or more, 4, 4) float64: level frame of frame t -> level frame of frame 0.
 
         From `data_root/poses/00XX.txt` (KITTI odometry's layout, camera 0); None without it.
         The published poses are of the training sequences, so testing has none.
@@ -136,8 +175,9 @@ class Sequence:
         if self.subset == "testing" or not path.exists():
             return None
         table = read_table(path, (12,))
-        if len(table) != self.num_frames:
-            raise InputError(f"expected {self.num_frames} rows, found {len(table)}", path)
+        if len(table) < self.num_frames:
+            expected = f"expected {self.num_frames} rows (a pose per frame), found {len(table)}"
+            raise InputError(expected, path)
         turn = np.eye(4)
         turn[:3, :3] = LEVEL_FROM_CAMERA
         poses = np.tile(np.eye(4), (len(table), 1, 1))

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
 from common.errors import InputError
+from common.files import read_bytes
 
+MAX_TEXT_BYTES = 2**28
+_BOM = b"\xef\xbb\xbf"
+_EXACT = 2.0**53  # from here on float64 does not hold every integer
 _TEXT = "<U16"  # longer than any of KITTI's names, so a longer word stays unknown when cut
 
 
@@ -22,12 +27,14 @@ class Table:
         source: all lines of the file; those that are not blank are the rows.
         values: (R, width) float64, all finite; 0 in the column of text.
         text: (R,) str, the column of text; empty strings if there is none.
+        separator: of the columns; None for white space.
     """
 
     path: Path
     source: list[str]
     values: np.ndarray
     text: np.ndarray
+    separator: str | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -51,36 +58,38 @@ class Table:
         """Columns `first` to `last` (not included) as (R, last - first) float64."""
         return self.values[:, first:last]
 
-    def integers(self, column: int, name: str) -> np.ndarray:
-        """One column as (R,) int32; `name` is used in messages."""
-        values = self.values[:, column]
-        bad = (values != np.rint(values)) | (np.abs(values) >= 2**31)
-        self.refuse(bad, f"column {column + 1}: expected an integer {name}")
-        return values.astype(np.int32)
+    def integers(self, column: int, name: str, bits: int = 32) -> np.ndarray:
+        """One column as (R,) int64, all of magnitude below 2^(bits - 1); `name` is for messages.
 
-
-def read_bytes(path: str | Path) -> bytes:
-    """The content of `path`.
-
-    Raises:
-        InputError: it does not exist, is not a regular file, or cannot be read.
-    """
-    path = Path(path)
-    try:
-        if path.is_dir():
-            raise InputError("expected a file, found a directory", path)
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+        Numbers that float64 cannot hold exactly are taken from the text.
+        """
+        values, expected = (
+            self.values[:, column],
+            f"column {column + 1}: expected an integer {name}",
+        )
+        self.refuse(values != np.rint(values), expected)
+        large = np.flatnonzero(np.abs(values) >= _EXACT)
+        if not len(large):
+            self.refuse(np.abs(values) >= 2 ** (bits - 1), f"{expected} below 2^{bits - 1}")
+            return values.astype(np.int64)
+        rows = [line for line in self.source if line.strip()]
+        exact = np.where(np.abs(values) < _EXACT, values, 0).astype(np.int64)
+        for row in large.tolist():
+            number = int(Decimal(rows[row].split(self.separator)[column].strip()))
+            if abs(number) >= 2 ** (bits - 1):
+                raise self.error(f"{expected} below 2^{bits - 1}, found {number}", row)
+            exact[row] = number
+        return exact
 
 
 def read_lines(path: str | Path) -> list[str]:
-    """The lines of a plain ASCII text file, without their ends.
+    """The lines of a plain ASCII text file, without their ends (LF, CRLF or CR).
 
     Raises:
         InputError: as `read_bytes`, or a byte that is not ASCII (KITTI's files hold none).
     """
-    data = read_bytes(path)
+    data = read_bytes(path, MAX_TEXT_BYTES).removeprefix(_BOM)
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not data.isascii():
         at = next(i for i, byte in enumerate(data) if byte > 127)
         line = data.count(b"\n", 0, at) + 1
@@ -119,7 +128,7 @@ def read_table(
     if len(rows) > 1 and source[-1].strip():
         last = [line.split(separator)[-1] for line in rows]
         _refuse_cut_number(Table(Path(path), source, *parsed), last)
-    return Table(Path(path), source, *parsed)
+    return Table(Path(path), source, *parsed, separator)
 
 
 def _parse(

@@ -1,12 +1,14 @@
 """Files are whole or not there."""
 
+import errno
 import json
 import os
 import stat
 
 import pytest
 
-from common.files import atomic_path, write_bytes, write_json, write_text
+from common.errors import InputError
+from common.files import atomic_path, read_bytes, write_bytes, write_json, write_text
 
 
 def test_writes_text_bytes_and_json(tmp_path):
@@ -55,3 +57,23 @@ def test_directory_in_the_way_is_an_os_error(tmp_path):
     with pytest.raises(OSError):
         write_text(tmp_path / "a.txt", "x")
     assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_only_regular_files_of_bounded_size_are_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "/dev/zero"):
+        with pytest.raises(InputError, match="expected a regular file, found a pipe"):
+            read_bytes(path)
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(2**40)
+    with pytest.raises(InputError, match="expected at most 1073741824 bytes, found 1099511627776"):
+        read_bytes(tmp_path / "sparse")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_bytes("nul\0byte")
+
+
+def test_a_full_disk_names_the_file(tmp_path):
+    with pytest.raises(OSError, match="No space left") as error, atomic_path(tmp_path / "a.txt"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert error.value.filename == str(tmp_path / "a.txt")
+    assert os.listdir(tmp_path) == []

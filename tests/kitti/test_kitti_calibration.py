@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
-from kitti.calibration import read_calibration, write_calibration
+from kitti.calibration import Calibration, read_calibration, write_calibration
+from kitti.image_size import image_size_of, parse_image_size
 
 ONE = "1 0 0 0 0 1 0 0 0 0 1 0"
 P = "700 0 600 40 0 700 170 0 0 0 1 0"
@@ -57,6 +58,50 @@ def test_projection_is_p2_times_camera_coordinates(calib):
     assert calib.project_level(np.zeros((0, 3)))[0].shape == (0, 2)
 
 
+def test_odometry_and_raw_data(tmp_path):
+    (tmp_path / "odometry.txt").write_text(f"{PROJECTIONS}Tr: {VELO}\n")
+    calib = read_calibration(tmp_path / "odometry.txt")
+    np.testing.assert_array_equal(calib.r0_rect, np.eye(3))
+    np.testing.assert_array_equal(calib.tr_velo_to_cam, np.array(VELO.split(), float).reshape(3, 4))
+    raw = f"P_rect_02: {P}\nR_rect_00: {EYE}\nTr_velo_to_cam: {VELO}\nS_rect_02: 1.2e3 3.4e2\n"
+    (tmp_path / "raw.txt").write_text(raw)
+    assert read_calibration(tmp_path / "raw.txt").size == (1200, 340)
+    write_calibration(tmp_path / "again.txt", read_calibration(tmp_path / "raw.txt"))
+    assert read_calibration(tmp_path / "again.txt").size == (1200, 340)
+
+
+def _camera(focal, cx, cy, size=None):
+    p2 = np.array([[focal, 0, cx, 0], [0, focal, cy, 0], [0, 0, 1, 0.0]])
+    return Calibration(p2=p2, r0_rect=np.eye(3), tr_velo_to_cam=np.eye(4)[:3], size=size)
+
+
+@pytest.mark.parametrize(
+    ("camera", "given", "size"),
+    [
+        (_camera(721.5377, 609.5593, 172.854), None, (1242, 375)),
+        (_camera(360.76885, 304.77965, 86.427), None, (621, 188)),  # half the resolution
+        (_camera(721.5377, 609.5593, 172.854), (1392, 512), (1392, 512)),
+        (_camera(721.5377, 609.5593, 172.854, size=(1242, 370)), None, (1242, 370)),
+        (_camera(718.0, 613.0, 180.0), None, (1242, 375)),  # near KITTI's
+        (_camera(1000.0, 959.5, 540.2), None, (1919, 1080)),  # twice the principal point
+        (_camera(721.5377, 640.0, 240.0), None, (1280, 480)),  # KITTI's lens, another sensor
+    ],
+)
+def test_image_size(camera, given, size):
+    assert image_size_of(camera, given) == size
+
+
+def test_no_image_size():
+    with pytest.raises(InputError, match="--image_size: the calibration says 1200x340, found 9x9"):
+        image_size_of(_camera(700, 600, 170, size=(1200, 340)), (9, 9))
+    with pytest.raises(InputError, match="is in no image: give --image_size"):
+        image_size_of(_camera(700, 0, 0))
+    for text in ("1242", "0x375", "1242x-3", "axb"):
+        with pytest.raises(InputError, match="--image_size: expected pixels such as 1242x375"):
+            parse_image_size(text)
+    assert parse_image_size("1242x375") == (1242, 375)
+
+
 def _without(key):
     return "".join(line + "\n" for line in NEW.splitlines() if not line.startswith(key))
 
@@ -77,6 +122,8 @@ def _without(key):
         (NEW.replace(EYE, "2 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
         (NEW.replace(EYE, "-1 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
         (NEW.replace("700", "0"), 1, "positive focal"),
+        (NEW.replace("-0.27", "1e308"), 6, "expected numbers of magnitude 1e.06 at most"),
+        (NEW + "S_rect_02: 0 375\n", 8, "expected width and height of 1 pixel at least"),
     ],
 )
 def test_bad_files(tmp_path, text, line, message):

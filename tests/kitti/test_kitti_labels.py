@@ -8,10 +8,10 @@ from kitti_rows import dont_care_row, label_row
 
 from common.errors import InputError
 from kitti.boxes import wrap_angle
+from kitti.detections import read_detections
 from kitti.labels import (
     VEHICLES,
     Objects,
-    read_detections,
     read_labels,
     read_results,
     write_labels,
@@ -39,7 +39,7 @@ def test_reads_what_is_there(tmp_path):
     expected = [30, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
     np.testing.assert_allclose(objects.boxes[2], expected)
     assert objects.boxes.dtype == np.float64
-    assert (objects.frame.dtype, objects.track_id.dtype) == (np.int32, np.int32)
+    assert (objects.frame.dtype, objects.track_id.dtype) == (np.int32, np.int64)
 
 
 def test_rows_are_sorted_by_frame_stably(tmp_path):
@@ -166,18 +166,20 @@ BAD_ROWS = [
     (_changed(1, "-1"), "column 1: expected a frame number >= 0"),
     (_changed(1, "1.5"), "column 1: expected an integer frame number"),
     (_changed(1, "99999999999"), "column 1: expected an integer frame number"),
-    (_changed(1, "1000000"), "column 1: frame beyond the sequence, expected 0 to 999999"),
+    (_changed(1, "999999"), "column 1: frame beyond the sequence, expected 0 to 99999"),
     (_changed(1, "x"), "column 1: expected a number, found 'x'"),
     (_changed(2, "-1"), "column 2: expected a track id >= 0"),
     (_changed(2, "a"), "column 2: expected a number"),
     (_changed(2, "1_0"), "column 2: expected a finite number, found '1_0'"),
     (_changed(3, "Bus"), "column 3: unknown class 'Bus', expected one of Car Van"),
-    (_changed(3, "car"), "column 3: unknown class 'car'"),
+    (_changed(2, str(2**63)), r"column 2: expected an integer track id below 2\^63, found 92233"),
     (_changed(5, "0.5"), "column 5: expected an integer occlusion"),
     (_changed(7, "300"), "columns 7-10: expected x1 <= x2"),
     (_changed(10, "100"), "columns 7-10: expected x1 <= x2, y1 <= y2"),
     (_changed(11, "0"), "columns 11-13: expected sizes h w l above 0"),
     (_changed(13, "-4"), "columns 11-13: expected sizes h w l above 0"),
+    (_changed(12, "1e-300"), "columns 11-13: expected sizes h w l of at least 0.001 metres"),
+    (_changed(14, "1e308"), "expected numbers of magnitude 1e.07 at most"),
     (_changed(14, "nan"), "column 14: expected a finite number, found 'nan'"),
     (_changed(16, "inf"), "column 16: expected a finite number, found 'inf'"),
     (_changed(17, "-inf"), "column 17: expected a finite number"),
@@ -192,6 +194,36 @@ def test_bad_row_is_named(tmp_path, bad, message):
     with pytest.raises(InputError, match=message) as error:
         read_labels(path)
     assert str(error.value).startswith(f"{path}:3: ")
+
+
+@pytest.mark.parametrize("identity", [2**32, 2**53 + 1, 2**63 - 1])
+def test_large_ids_are_read_exactly(tmp_path, identity):
+    objects = read_labels(_write(tmp_path / "l.txt", [_changed(2, str(identity)), label_row(8, 1)]))
+    assert objects.track_id.tolist() == [identity, 1]
+
+
+def test_classes_are_read_in_any_case(tmp_path):
+    rows = [_changed(3, name) for name in ("car", "PERSON_SITTING", "dontcare")]
+    rows[1] = rows[1].replace("7 1", "8 1", 1)
+    found = read_labels(_write(tmp_path / "l.txt", rows))
+    assert found.type.tolist() == ["Car", "DontCare", "Person_sitting"]
+
+
+def test_an_id_may_be_there_once_per_class(tmp_path):
+    rows = [label_row(0, 7), _changed(3, "Van").replace("7 1", "0 7", 1), label_row(1, 7)]
+    found = read_results(_write(tmp_path / "r.txt", rows))
+    car, van, car_later = found.track_id.tolist()
+    assert car == car_later != van
+
+
+def test_line_ends_of_other_systems(tmp_path):
+    text = "".join(label_row(t, 0) + "000\n" for t in range(3))
+    (tmp_path / "unix.txt").write_bytes(text.encode())
+    expected = read_labels(tmp_path / "unix.txt")
+    for end in ("\r\n", "\r"):
+        windows = b"\xef\xbb\xbf" + text.rstrip("\n").replace("\n", end).encode()
+        (tmp_path / "windows.txt").write_bytes(windows)
+        _assert_same(read_labels(tmp_path / "windows.txt"), expected, scores=False)
 
 
 def test_result_rows_are_checked_alike(tmp_path):
@@ -281,6 +313,8 @@ def test_detections(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        (("1.5,1.6,4.0", "1.5,1e-300,4.0"), "columns 8-10: expected sizes h w l of at least"),
+        ((",0.3,", ",1e308,"), "expected numbers of magnitude"),
         ((",2,100", ",4,100"), r"column 2: expected one of the types 1 \(Pedestrian\) 2 \(Car\)"),
         (("1.5,1.6,4.0", "1.5,1.6,0"), "columns 8-10: expected sizes"),
         ((",-1.5", ""), "expected 15 columns, found 14"),

@@ -45,11 +45,53 @@ def test_seqmap_of_the_other_subset_or_sequence_is_not_used(kitti_folder):
     assert Sequence(root, 0).num_frames == 6
 
 
-def test_labels_beyond_the_seqmap_are_refused(kitti_folder):
+@pytest.mark.parametrize(
+    ("row", "frames", "labelled"),
+    [("000000 000005", range(5), [0, 3]), ("000003 000005", range(3, 6), [3, 5])],
+)
+def test_a_seqmap_limits_the_labels(kitti_folder, capsys, row, frames, labelled):
     root = kitti_folder(ROWS)
-    write_seqmap(root, "training", {0: 5})
-    with pytest.raises(InputError, match=r"0000\.txt:3: .*expected 0 to 4"):
-        assert Sequence(root, 0).objects
+    (root / SEQMAP).write_text(f"0000 empty {row}\n")
+    sequence = Sequence(root, 0)
+    assert sequence.frames == frames
+    assert sequence.objects.frame.tolist() == labelled
+    assert "0000.txt: 1 rows outside the seqmap's frames" in capsys.readouterr().err
+    (root / "r.txt").write_text("".join(f"{label_row(t, 1)} 0.5\n" for t in range(6)))
+    results = sequence.read_results(root / "r.txt")
+    assert results.frame.tolist() == list(frames)
+    (root / "r.txt").write_text(label_row(6, 1) + "\n")
+    with pytest.raises(InputError, match=r"expected 0 to 5, where the seqmap .* ends"):
+        sequence.read_results(root / "r.txt")
+
+
+def test_labels_that_end_before_the_results_are_named(kitti_folder):
+    root = kitti_folder(ROWS)
+    (root / "r.txt").write_text(label_row(6, 1) + "\n")
+    message = r"r\.txt:1: .*expected 0 to 5, where the labels .*0000\.txt end; a seqmap sets the"
+    with pytest.raises(InputError, match=message):
+        Sequence(root, 0).read_results(root / "r.txt")
+
+
+def test_detections_may_be_a_file_per_frame(kitti_folder):
+    root = kitti_folder(ROWS)
+    row = "{} -1 -1 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 {}\n"
+    for below in ("a/0000", "b/0000/data"):
+        folder = root / below
+        folder.mkdir(parents=True)
+        (folder / "000001.txt").write_text("")
+        (folder / "000003.txt").write_text(row.format("car", 2.5) + row.format("Cyclist", -1))
+        (folder / "notes.md").write_text("mine")
+        found = Sequence(root, 0).read_detections(root / below.split("/")[0])
+        assert found.frame.tolist() == [3, 3]
+        assert found.type.tolist() == ["Car", "Cyclist"]
+        assert found.score.tolist() == [2.5, -1]
+        expected = [20, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
+        np.testing.assert_allclose(found.boxes[0], expected)
+    (folder / "000006.txt").write_text(row.format("Car", 1))
+    with pytest.raises(InputError, match=r"000006\.txt: frame beyond .*expected 0 to 5"):
+        Sequence(root, 0).read_detections(root / "b")
+    with pytest.raises(InputError, match=r"expected 0000\.txt .* or 0000/000000\.txt"):
+        Sequence(root, 0).read_detections(root)
 
 
 def test_empty_label_file_needs_a_seqmap(kitti_folder):
@@ -114,7 +156,7 @@ def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     with pytest.raises(InputError, match=r":2: its 3x3 block is not a rotation"):
         assert Sequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
-    with pytest.raises(InputError, match="expected 2 rows, found 1"):
+    with pytest.raises(InputError, match=r"expected 2 rows \(a pose per frame\), found 1"):
         assert Sequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text("1 2 3\n")
     with pytest.raises(InputError, match=r":1: expected 12 columns, found 3"):
@@ -138,7 +180,9 @@ def test_what_is_not_there(kitti_folder, tmp_path):
     ("text", "message"),
     [
         ("0000 empty 000000\n", ":1: expected 4 columns, found 3"),
-        ("0000 empty 000001 000005\n", ":1: column 3: expected first frame 0"),
+        ("0000 empty -00001 000005\n", ":1: column 3: expected a first frame >= 0"),
+        ("0000 empty 000007 000005\n", ":1: column 4: expected a last frame from column 3 on"),
+        ("0000 empty 000000 2000000000\n", ":1: column 4: expected at most 100000 frames"),
         ("0000 empty 000000 000000\n", ":1: column 4: expected a number of frames above 0"),
         ("0000 empty 000000 5\n0000 empty 000000 5\n", ":2: sequence 0000 is there twice"),
         ("0000 empty 000000 x\n", ":1: column 4: expected a number, found 'x'"),
@@ -152,7 +196,8 @@ def test_bad_seqmaps(tmp_path, text, message):
 
 def test_seqmap_round_trip(tmp_path):
     frames = {20: 837, 0: 154}
-    assert read_seqmap(write_seqmap(tmp_path, "training", frames)) == frames
+    found = read_seqmap(write_seqmap(tmp_path, "training", frames))
+    assert found == {20: range(837), 0: range(154)}
 
 
 @pytest.mark.real

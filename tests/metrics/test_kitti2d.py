@@ -143,7 +143,7 @@ def linked(path: Path) -> Objects:
     """Detections with ids of the nearest detection of the frame before, where within 2 m."""
     from dataclasses import replace
 
-    from kitti.labels import read_detections
+    from kitti.detections import read_detections
 
     detections = read_detections(path)
     ids, fresh = np.full(len(detections), -1), itertools.count()

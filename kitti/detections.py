@@ -1,0 +1,133 @@
+"""Detections: AB3DMOT's files, one per sequence, or the object benchmark's, one per frame."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+from kitti.boxes import level_from_camera
+from kitti.labels import (
+    Limit,
+    frames_of,
+    known_classes,
+    refuse_magnitudes,
+    refuse_sizes,
+    sorted_by_frame,
+)
+from kitti.objects import Objects
+from kitti.tables import read_table
+
+DETECTION_COLUMNS = 15
+OBJECT_COLUMNS = (15, 16)
+"""Of the object benchmark's files: type, truncation, occlusion, alpha, 2-D box, h w l, x y z, ry,
+and mostly a score."""
+DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
+"""Type numbers of AB3DMOT's detection files."""
+_FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
+
+
+def read_detection_folder(folder: str | Path, name: str, num_frames: int | None = None) -> Objects:
+    """The detections of sequence `name` in a folder.
+
+    They are in `folder/NAME.txt`, in AB3DMOT's layout, or in files `000000.txt`, a frame each, in
+    the object benchmark's layout, below `folder/NAME/` or `folder/NAME/data/`.
+
+    Raises:
+        InputError: there is neither, or as `read_detections` and `read_object_detections`.
+    """
+    path = Path(folder) / f"{name}.txt"
+    if path.exists():
+        return read_detections(path, num_frames)
+    for below in (Path(folder) / name / "data", Path(folder) / name):
+        if below.is_dir() and any(_FRAME_FILE.fullmatch(file.name) for file in below.iterdir()):
+            return read_object_detections(below, num_frames)
+    raise InputError(
+        f"expected {name}.txt (AB3DMOT's layout) or {name}/000000.txt and so on (the object "
+        "benchmark's layout)",
+        folder,
+    )
+
+
+def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
+    """Reads detections in AB3DMOT's layout; empty means none.
+
+    Columns, separated by commas: frame, type number, x1, y1, x2, y2, score, h, w, l, x, y, z,
+    ry, alpha. Track ids are -1.
+
+    Raises:
+        InputError: as `kitti.labels.read_labels`.
+    """
+    table = read_table(path, (DETECTION_COLUMNS,), ",")
+    frame = frames_of(table, num_frames)
+    number = table.integers(1, "type number")
+    known = " ".join(f"{key} ({name})" for key, name in DETECTION_TYPES.items())
+    table.refuse(
+        ~np.isin(number, list(DETECTION_TYPES)), f"column 2: expected one of the types {known}"
+    )
+    values = table.numbers(2, DETECTION_COLUMNS)
+    refuse_sizes(table, values[:, 5:8], np.ones(len(table), bool), "columns 8-10")
+    refuse_magnitudes(table, np.delete(values, 4, axis=1), values[:, 4])
+    names = np.array([DETECTION_TYPES.get(key, "") for key in range(4)])
+    return sorted_by_frame(
+        Objects(
+            frame=frame,
+            track_id=np.full(len(table), -1),
+            type=names[number],
+            truncation=np.full(len(table), -1),
+            occlusion=np.full(len(table), -1),
+            alpha=values[:, 12],
+            bbox=values[:, :4],
+            boxes=level_from_camera(*values[:, 5:12].T),
+            score=values[:, 4],
+        )
+    )
+
+
+def read_object_detections(folder: str | Path, num_frames: int | None = None) -> Objects:
+    """Reads files `000000.txt` in the object benchmark's layout; a missing file has no detection.
+
+    Track ids are -1; without a score column scores are NaN; rows of DontCare are left out.
+
+    Raises:
+        InputError: as `kitti.labels.read_labels`, or two files of one frame, or a frame beyond
+            `num_frames`.
+    """
+    files: dict[int, Path] = {}
+    for path in sorted(Path(folder).iterdir()):
+        match = _FRAME_FILE.fullmatch(path.name)
+        if match is None:
+            continue
+        frame = int(match[1])
+        if frame in files:
+            raise InputError(f"frame {frame} is there twice: {files[frame].name}", path)
+        if num_frames is not None and frame >= num_frames:
+            limit = Limit(num_frames)
+            last = f"expected 0 to {limit - 1}{limit.reason}"
+            raise InputError(f"frame beyond the sequence, {last}", path)
+        files[frame] = path
+    parts = [_object_file(path, frame) for frame, path in sorted(files.items())]
+    return Objects.concatenate(parts)
+
+
+def _object_file(path: Path, frame: int) -> Objects:
+    table = read_table(path, OBJECT_COLUMNS, text_column=0)
+    kind, values = known_classes(table, 0), table.numbers(1, table.width)
+    cared_for = kind != "DontCare"
+    score = values[:, 14] if table.width == max(OBJECT_COLUMNS) else np.full(len(table), np.nan)
+    refuse_sizes(table, values[:, 7:10], cared_for, "columns 9-11")
+    refuse_magnitudes(table, values[:, :14], score)
+    rows = Objects(
+        frame=np.full(len(table), frame),
+        track_id=np.full(len(table), -1),
+        type=kind,
+        truncation=values[:, 0],
+        occlusion=table.integers(2, "occlusion state"),
+        alpha=values[:, 2],
+        bbox=values[:, 3:7],
+        boxes=level_from_camera(*values[:, 7:14].T),
+        score=score,
+    )
+    return rows[cared_for]
