@@ -27,7 +27,13 @@ from evaluation.sources import MOTION, BoxSource, Detected, GroundTruthBoxes, mo
 from kitti.labels import VEHICLES
 
 FORMAT = 2
-SOURCES = ("models/*.py", "evaluation/network.py", "evaluation/recording.py")
+SOURCES = (
+    "models/*.py",
+    "kitti/object_shift.py",
+    "kitti/footprints.py",
+    "evaluation/network.py",
+    "evaluation/recording.py",
+)
 """The code whose outputs are recorded."""
 
 

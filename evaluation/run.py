@@ -19,8 +19,8 @@ from evaluation.sources import BoxSource, DetectionFiles, GroundTruthBoxes, chec
 from evaluation.submission import SUBMISSION, write_submission
 from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
-from kitti.displacement import DisplacementModel
 from kitti.labels import Objects, write_results
+from kitti.object_shift import ObjectShift
 from kitti.sequence import open_sequences
 from metrics.comparison import track_scores
 from metrics.protocols import Entry, evaluate_protocol
@@ -31,7 +31,7 @@ _RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
 
 def evaluate(
     config: EvaluateConfig,
-    model: DisplacementModel | None = None,
+    model: ObjectShift | None = None,
     source: BoxSource | None = None,
 ) -> dict[str, Any]:
     """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
@@ -47,7 +47,7 @@ def evaluate(
     if config.out is not None:
         check_writable(config.out)
     if model is None and config.displacement:
-        model = DisplacementModel(distance=config.displacement, seed=config.seed)
+        model = ObjectShift(distance=config.displacement, seed=config.seed)
     sequences = open_sequences(config.data_root, config.seqs, config.subset)
     scenes = [Scene(sequence, model) for sequence in sequences]
     results = _results(config, scenes, source)

@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from kitti.displacement import (
-    DisplacementModel,
-    displace_detections,
-    displace_objects,
-    displace_points,
-)
 from kitti.labels import Objects
+from kitti.object_shift import (
+    ObjectShift,
+    shift_detections,
+    shift_objects,
+    shift_points,
+)
 from kitti.sequence import Sequence
 
 
@@ -24,7 +24,7 @@ class Scene:
         model: how objects are displaced; None for not at all.
     """
 
-    def __init__(self, sequence: Sequence, model: DisplacementModel | None = None):
+    def __init__(self, sequence: Sequence, model: ObjectShift | None = None):
         self.sequence, self.model = sequence, model
         self.name, self.num_frames = sequence.name, sequence.num_frames
 
@@ -42,13 +42,13 @@ class Scene:
         """The labels of all classes where they are in this scene."""
         if self.model is None:
             return self.sequence.objects
-        return displace_objects(self.sequence.objects, self._offsets)
+        return shift_objects(self.sequence.objects, self._offsets)
 
     def displaced(self, detections: Objects) -> Objects:
         """Detections of the recorded sequence, moved along with the objects they lie on."""
         if self.model is None:
             return detections
-        return displace_detections(detections, self.sequence.objects, self._offsets)
+        return shift_detections(detections, self.sequence.objects, self._offsets)
 
     def points(self, t: int) -> np.ndarray | None:
         """(n, 4) float32 scan of frame t in the level frame, camera crop; None without a scan."""
@@ -59,7 +59,7 @@ class Scene:
             return points
         rows = self.sequence.objects.frame == t
         boxes = self.sequence.objects.boxes[rows]
-        return displace_points(points, boxes, self._offsets[rows])
+        return shift_points(points, boxes, self._offsets[rows])
 
     @cached_property
     def ego_motions(self) -> np.ndarray | None:

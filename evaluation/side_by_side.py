@@ -15,7 +15,7 @@ from evaluation.recording import RecordedNetwork
 from evaluation.run import evaluate
 from evaluation.scene import Scene
 from evaluation.sources import BoxSource, Detected
-from kitti.displacement import DisplacementModel
+from kitti.object_shift import ObjectShift
 from kitti.sequence import open_sequences
 
 SIDE_BY_SIDE = ("pointtracknet", "sort", "deep_sort", "ab3dmot")
@@ -45,7 +45,7 @@ def displaced_scenes(config: EvaluateConfig) -> list[Scene]:
     """The scenes of a configuration under its displacement."""
     model = None
     if config.displacement:
-        model = DisplacementModel(distance=config.displacement, seed=config.seed)
+        model = ObjectShift(distance=config.displacement, seed=config.seed)
     sequences = open_sequences(config.data_root, config.seqs, config.subset)
     return [Scene(sequence, model) for sequence in sequences]
 

@@ -22,9 +22,9 @@ from common.flags import non_negative_int, positive_int, run
 from common.progress import progress
 from evaluation.scene import Scene
 from experiments.cli import make_parser, write
-from kitti.displacement import DisplacementModel
 from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
+from kitti.object_shift import ObjectShift
 from kitti.scans import sample_points
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
@@ -72,7 +72,7 @@ def frames_of(sequences, detector, every: int, displacement: float, seed: int) -
     def detect(xyz):
         return detector(detector_inputs(xyz, detector.config), training=False).boxes
 
-    model = DisplacementModel(distance=displacement, seed=seed) if displacement else None
+    model = ObjectShift(distance=displacement, seed=seed) if displacement else None
     scenes = [Scene(sequence, model) for sequence in sequences]
     chosen = [(s, t) for s in scenes for t in range(0, s.num_frames, every)]
     frames = []

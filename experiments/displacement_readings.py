@@ -2,7 +2,7 @@
 
     python -m experiments.displacement_readings --data_root KITTI --out results/readings
 
-The default of `kitti.displacement` is the reading under which SORT's row with ground-truth boxes
+The default of `kitti.object_shift` is the reading under which SORT's row with ground-truth boxes
 at 2.0 m comes nearest to the paper's, among those that disturb a tracker at all: a shift that an
 object keeps over all its frames moves its track as a whole, and every tracker stays as at 0 m.
 """
@@ -17,7 +17,7 @@ from experiments.cli import add_displacement_flags, common_fields, make_parser, 
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import TRACKER_NAMES, Run, mean_and_spread, measure_all, over_seeds
 from experiments.table5 import PAPER_NAMES, our_cells, paper_cells
-from kitti.displacement import DEFAULT_READING, LENGTHS
+from kitti.object_shift import DEFAULT_READING, LENGTHS
 
 DISTANCE = 2.0
 TRACKERS = ("sort", "deep_sort")

@@ -16,7 +16,7 @@ from evaluation.config import GROUND_TRUTH, EvaluateConfig
 from evaluation.run import make_source, score
 from evaluation.scene import Scene
 from evaluation.tracking_loop import track_scene
-from kitti.displacement import DEFAULT_READING, DisplacementModel
+from kitti.object_shift import DEFAULT_READING, ObjectShift
 from kitti.sequence import open_sequences
 
 WORKERS = 2
@@ -59,7 +59,7 @@ def measure(run: Run) -> dict[str, Any]:
     )
     model = None
     if run.displacement:
-        model = DisplacementModel(run.displacement, run.seed, run.length, run.hold)
+        model = ObjectShift(run.displacement, run.seed, run.length, run.hold)
     scenes = [Scene(sequence, model) for sequence in open_sequences(run.data_root, run.seqs)]
     source = make_source(config, scenes)
     results = {s.name: track_scene(s, source, run.tracker, run.classes) for s in scenes}

@@ -1,4 +1,4 @@
-"""Flip, rotation, scale, height and random displacement of objects (level frame)."""
+"""Flip, rotation, scale and height of a whole sample (level frame)."""
 
 from __future__ import annotations
 
@@ -45,10 +45,3 @@ class SceneTransform:
         moved[:, 3:6] *= self.scale
         moved[:, 6] = wrap_angle((-1 if self.flip else 1) * boxes[:, 6] + self.yaw)
         return moved
-
-
-def random_offsets(count: int, distance: float, rng: np.random.Generator) -> np.ndarray:
-    """(count, 2) metres in the ground plane: uniform in direction and in length up to distance."""
-    angle = rng.uniform(-np.pi, np.pi, count)
-    length = rng.uniform(0.0, distance, count)
-    return np.stack([length * np.cos(angle), length * np.sin(angle)], -1)

@@ -22,8 +22,10 @@ class AugmentationConfig:
     scale: float = note(0.05, "uniform in [1 - x, 1 + x]")
     height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres")
     dropout: float = note(0.3, "share of the points left out, uniform in [0, x]")
-    displacement: float = note(2.0, "of objects, up to this many metres (section IV.D)")
-    displaced_share: float = note(0.6, "share of the samples whose objects are displaced")
+    object_shift: float = note(
+        2.0, "D of section IV.D: every labelled object moves by a length from [0, D] metres"
+    )
+    object_shift_share: float = note(0.6, "share of the samples whose objects are shifted")
 
 
 @dataclass(frozen=True)

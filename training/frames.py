@@ -11,6 +11,7 @@ import numpy as np
 
 from common.errors import InputError
 from kitti.ground import ground_mask
+from kitti.objects import CLASSES
 from kitti.sequence import Sequence, open_sequences
 from kitti.splits import parse_sequences
 
@@ -24,6 +25,8 @@ class LabelledFrame(NamedTuple):
     track_ids: np.ndarray  # (M,) int32
     ground: np.ndarray  # (n,) bool
     ignored: np.ndarray  # (n,) bool, in the image inside a DontCare region
+    other_boxes: np.ndarray  # (K, 7) float64, labelled objects of other classes
+    other_ids: np.ndarray  # (K,) int32
 
 
 def open_training_data(roots: SequenceOf[str | Path], seqs: SequenceOf[str]) -> list[Sequence]:
@@ -57,6 +60,7 @@ def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> Labelled
     points = np.ascontiguousarray(sequence.read_points_level(t)[:, :3], np.float32)
     objects = sequence.objects.at(t)
     vehicles = objects.of_classes(classes)
+    others = objects.of_classes([name for name in CLASSES if name not in (*classes, "DontCare")])
     names = np.array([classes.index(name) for name in vehicles.type], np.int32)
     ground = ground_mask(points) if len(points) else np.zeros(0, bool)
     regions = objects.of_classes(("DontCare",)).bbox
@@ -67,6 +71,8 @@ def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> Labelled
         np.asarray(vehicles.track_id, np.int32),
         ground,
         _inside(points, sequence, regions),
+        np.asarray(others.boxes, np.float64).reshape(-1, 7),
+        np.asarray(others.track_id, np.int32),
     )
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence as SequenceOf
 from typing import NamedTuple
 
 import numpy as np
 
-from kitti.displacement import displace_points
+from kitti.object_shift import ObjectShift, shift_points
 from kitti.scans import sample_points
 from kitti.targets import association_displacement, foreground_labels, point_displacement
 from models.box_coding import BoxTargets, encode_boxes
 from models.config import BoxCodingConfig
-from training.augmentation import SceneTransform, random_offsets
+from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
 from training.frames import FrameReader, LabelledFrame
 
@@ -35,19 +36,49 @@ class PairSample(NamedTuple):
 
     points: np.ndarray  # (2, N, 3) float32
     displacement: np.ndarray  # (2, N, 3) float32 metres, 0 on background
-    foreground: np.ndarray  # (2, N) int32: 1, 0 background, -1 object not in the other (ignored)
+    foreground: np.ndarray  # (2, N) int32: 1, 0 background, -1 ignored: object not in the other
+    # frame, or background in a DontCare region
 
 
 def no_augmentation() -> AugmentationConfig:
     """Leaves samples as they are."""
-    return AugmentationConfig(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return AugmentationConfig(
+        flip=False,
+        rotation=0.0,
+        scale=0.0,
+        height=0.0,
+        dropout=0.0,
+        object_shift=0.0,
+        object_shift_share=0.0,
+    )
 
 
-def _displaced(frame: LabelledFrame, offsets: np.ndarray):
-    """Points and boxes of a frame whose objects have moved by offsets (M, 2)."""
-    boxes = frame.boxes.copy()
-    boxes[:, :2] += offsets
-    return displace_points(frame.points, frame.boxes, offsets), boxes
+def shifted(
+    frames: SequenceOf[LabelledFrame], config: AugmentationConfig, rng: np.random.Generator
+) -> list[LabelledFrame]:
+    """Frames whose objects, in a share of the samples, are moved as section IV.D moves them.
+
+    All labelled objects move, by the draws of `ObjectShift` and afresh in each frame, and their
+    points with them.
+    """
+    seed, chosen = int(rng.integers(2**63)), rng.random() < config.object_shift_share
+    if not (chosen and config.object_shift):
+        return list(frames)
+    all_boxes = [np.concatenate([f.boxes, f.other_boxes]) for f in frames]
+    ids = np.concatenate([part for f in frames for part in (f.track_ids, f.other_ids)])
+    counts = [len(boxes) for boxes in all_boxes]
+    numbers = np.repeat(np.arange(len(frames)), counts)
+    model = ObjectShift(config.object_shift, seed)
+    offsets = model.of_rows(numbers, ids, np.concatenate(all_boxes))
+    result = []
+    for frame, boxes, moves in zip(
+        frames, all_boxes, np.split(offsets, np.cumsum(counts)[:-1]), strict=True
+    ):
+        points, moved = shift_points(frame.points, boxes, moves), boxes.copy()
+        moved[:, :2] += moves
+        vehicles, others = np.split(moved, [len(frame.boxes)])
+        result.append(frame._replace(points=points, boxes=vehicles, other_boxes=others))
+    return result
 
 
 def _choose(count: int, n: int, dropout: float, rng: np.random.Generator) -> np.ndarray:
@@ -59,11 +90,6 @@ def _choose(count: int, n: int, dropout: float, rng: np.random.Generator) -> np.
     return kept[sample_points(kept, n, rng)]
 
 
-def _distance(config: AugmentationConfig, rng: np.random.Generator) -> float:
-    displaced = rng.random() < config.displaced_share
-    return rng.uniform(0.0, config.displacement) if displaced else 0.0
-
-
 def detector_sample(
     frame: LabelledFrame,
     config: DetectorTrainingConfig,
@@ -71,10 +97,8 @@ def detector_sample(
     rng: np.random.Generator,
 ) -> DetectorSample:
     """A labelled frame -> DetectorSample; all randomness comes from rng."""
-    distance = _distance(augmentation, rng)
+    (frame,) = shifted([frame], augmentation, rng)
     points, boxes = frame.points, frame.boxes
-    if distance > 0:
-        points, boxes = _displaced(frame, random_offsets(len(boxes), distance, rng))
     labels = foreground_labels(points, boxes, frame.ground)
     rows = _choose(len(points), config.detector.num_points, augmentation.dropout, rng)
     transform = SceneTransform.random(augmentation, rng)
@@ -142,22 +166,23 @@ def pair_sample(
     augmentation: AugmentationConfig,
     rng: np.random.Generator,
 ) -> PairSample:
-    """Two frames -> PairSample: both transformed alike, objects displaced afresh in each."""
-    distance = _distance(augmentation, rng)
+    """Two frames -> PairSample: both transformed alike, objects shifted afresh in each."""
+    frames = shifted([previous, current], augmentation, rng)
     transform = SceneTransform.random(augmentation, rng)
     dropout = rng.uniform(0.0, augmentation.dropout)
-    scans, boxes, labels = [], [], []
-    for frame in (previous, current):
-        offsets = random_offsets(len(frame.boxes), distance, rng)
-        points, moved = _displaced(frame, offsets) if distance > 0 else (frame.points, frame.boxes)
-        rows = _choose(len(points), num_points, dropout, rng)
-        labels.append(foreground_labels(points, moved, frame.ground)[rows])
-        scans.append(transform.points(points[rows]))
-        boxes.append(transform.boxes(moved))
+    scans, boxes, labels, ignored = [], [], [], []
+    for frame in frames:
+        rows = _choose(len(frame.points), num_points, dropout, rng)
+        labels.append(foreground_labels(frame.points, frame.boxes, frame.ground)[rows])
+        ignored.append(frame.ignored[rows])
+        scans.append(transform.points(frame.points[rows]))
+        boxes.append(transform.boxes(frame.boxes))
     ids = (previous.track_ids, current.track_ids)
     there = _displacement_of_points(labels[0], boxes[0], ids[0], boxes[1], ids[1])
     back = _displacement_of_points(labels[1], boxes[1], ids[1], boxes[0], ids[0])
-    return PairSample(np.stack(scans), *(np.stack(both) for both in zip(there, back, strict=True)))
+    displacement, foreground = (np.stack(both) for both in zip(there, back, strict=True))
+    foreground[(foreground == 0) & np.stack(ignored)] = -1
+    return PairSample(np.stack(scans), displacement, foreground)
 
 
 def _displacement_of_points(owner, boxes, ids, other_boxes, other_ids):

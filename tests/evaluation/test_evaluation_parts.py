@@ -8,7 +8,7 @@ from evaluation.scene import Scene
 from evaluation.sources import DetectionFiles, GroundTruthBoxes
 from evaluation.table import markdown
 from evaluation.tracking_loop import NEVER_SEEN, Cues, keep_last_seen, track_scene
-from kitti.displacement import DisplacementModel
+from kitti.object_shift import ObjectShift
 from kitti.sequence import Sequence
 
 
@@ -25,7 +25,7 @@ def test_ground_truth_gives_every_frame_even_empty_ones(tiny_root):
 
 
 def test_ground_truth_boxes_are_the_displaced_labels(tiny_root):
-    moved = Scene(Sequence(tiny_root, 0), DisplacementModel(2.0, seed=3))
+    moved = Scene(Sequence(tiny_root, 0), ObjectShift(2.0, seed=3))
     still = Scene(Sequence(tiny_root, 0))
     for t, boxes, scores, extras in GroundTruthBoxes(("Car", "Van")).frames(moved):
         gap = np.linalg.norm(boxes[:, :3] - still.objects.at(t).boxes[:, :3], axis=1)

@@ -14,7 +14,7 @@ from evaluation.recording import RecordedNetwork, TrueBoxes
 from evaluation.scene import Scene
 from evaluation.side_by_side import TimedSource, evaluate_recorded
 from evaluation.sources import GroundTruthBoxes
-from kitti.displacement import DisplacementModel
+from kitti.object_shift import ObjectShift
 from kitti.scans import write_scan
 from kitti.sequence import Sequence
 
@@ -81,8 +81,8 @@ def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
         name(),
         name(weights=other_weights),
         name(Scene(Sequence(changed, 1))),
-        name(Scene(Sequence(root, 1), DisplacementModel(2.0))),
-        name(Scene(Sequence(root, 1), DisplacementModel(2.0, seed=1))),
+        name(Scene(Sequence(root, 1), ObjectShift(2.0))),
+        name(Scene(Sequence(root, 1), ObjectShift(2.0, seed=1))),
         name(boxes=GroundTruthBoxes(("Car",)), boxes_name="gt"),
     ]
     assert len(set(names)) == len(names)

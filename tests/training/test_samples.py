@@ -11,12 +11,15 @@ from two_cars import boxes_at, write_sequence
 
 from common.errors import InputError
 from kitti.boxes import points_in_boxes
+from kitti.iou import iou_bev
+from kitti.object_shift import ObjectShift
+from kitti.objects import Objects
 from kitti.sequence import open_sequences
-from training.augmentation import SceneTransform, random_offsets
+from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig
 from training.frames import FrameReader, frame_list, open_training_data, pair_list, read_frame
 from training.pipeline import Order, micro_batches
-from training.samples import detector_sample, no_augmentation, pair_sample
+from training.samples import detector_sample, no_augmentation, pair_sample, shifted
 
 CLASSES = ("Car", "Van")
 CONFIG = DetectorTrainingConfig(dataclasses.replace(SMALL_DETECTOR, num_points=400))
@@ -56,7 +59,7 @@ def test_query_points_stand_for_all_points(frames):
 
 
 def test_augmented_boxes_still_hold_their_points(frames):
-    config = AugmentationConfig(displacement=1.0, displaced_share=1.0, dropout=0.5)
+    config = AugmentationConfig(object_shift=1.0, object_shift_share=1.0, dropout=0.5)
     for seed in range(8):
         sample = detector_sample(frames[1], CONFIG, config, rng(seed))
         foreground = sample.foreground > 0
@@ -77,11 +80,101 @@ def test_transform_moves_points_and_boxes_alike(flip):
     np.testing.assert_allclose(moved[:, 3:6], 1.1 * box[:, 3:6])
 
 
-def test_offsets_stay_within_their_distance():
-    offsets = random_offsets(1000, 2.0, rng())
-    length = np.linalg.norm(offsets, axis=1)
-    assert length.max() <= 2.0
-    assert length.mean() == pytest.approx(1.0, abs=0.1)
+def _moves(before, after):
+    """Lengths (M + K,) of the shifts of all labelled objects of a frame."""
+    parts = [(a.boxes, a.other_boxes) for a in (before, after)]
+    vehicles, others = (new - old for old, new in zip(*parts, strict=True))
+    return np.hypot(*np.concatenate([vehicles, others])[:, :2].T)
+
+
+def test_training_shifts_objects_as_the_evaluation_does(frames):
+    """Lengths uniform in [0, D], for every labelled object, in a share of the samples."""
+    frame = frames[0]._replace(
+        other_boxes=boxes_at(0)[:1] + np.array([15.0, 0, 0, 0, 0, 0, 0]),
+        other_ids=np.array([7], np.int32),
+    )
+    config = AugmentationConfig(object_shift=2.0, object_shift_share=0.5)
+    moves = [_moves(frame, shifted([frame], config, rng(seed))[0]) for seed in range(3000)]
+    trained = np.array([lengths for lengths in moves if lengths.any()])
+    assert len(trained) / len(moves) == pytest.approx(0.5, abs=0.03)
+    assert (trained > 0).all()  # the other class too
+    labels = Objects.from_boxes(
+        np.repeat(np.arange(1000), 3),
+        np.tile([*frame.track_ids, 7], 1000),
+        np.tile([*frame.boxes, *frame.other_boxes], (1000, 1)),
+    )
+    tested = np.hypot(*ObjectShift(2.0, seed=1).offsets(labels, 3).T)
+    for lengths in (trained.ravel(), tested):
+        assert (lengths > 1.0).mean() == pytest.approx(0.5, abs=0.03)
+    both = np.sort(np.concatenate([trained.ravel(), tested]))
+    below = [np.searchsorted(np.sort(x), both, "right") / len(x) for x in (trained.ravel(), tested)]
+    assert np.abs(below[0] - below[1]).max() < 0.04  # Kolmogorov-Smirnov; 0.034 is 1 in 100
+
+
+def test_objects_of_a_pair_are_shifted_afresh_in_each_frame(frames):
+    config = AugmentationConfig(object_shift=2.0, object_shift_share=1.0)
+    first, second = shifted([frames[0], frames[0]], config, rng())
+    assert (np.abs(first.boxes - second.boxes)[:, :2] > 0).all()
+
+
+def test_shifted_objects_stay_clear_of_each_other(frames):
+    """Six cars 0.4 m apart, and a truck beside them: none is pushed into another."""
+    boxes = np.tile(boxes_at(0)[0], (6, 1))
+    boxes[:, 0], boxes[:, 1], boxes[:, 6] = 15.0, 2.0 * np.arange(6), 0.0
+    truck = np.array([[21.5, 5.0, 0, 8, 2.5, 3, 1.5]])
+    frame = frames[0]._replace(
+        boxes=boxes,
+        classes=np.zeros(6, np.int32),
+        track_ids=np.arange(6, dtype=np.int32),
+        other_boxes=truck,
+        other_ids=np.array([9], np.int32),
+    )
+    config = AugmentationConfig(object_shift=2.0, object_shift_share=1.0)
+    moved = 0
+    for seed in range(30):
+        (found,) = shifted([frame], config, rng(seed))
+        everything = np.concatenate([found.boxes, found.other_boxes])
+        assert np.count_nonzero(iou_bev(everything, everything) > 1e-9) == 7  # with themselves
+        moved += np.count_nonzero(_moves(frame, found))
+    assert moved > 0.8 * 30 * 7
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_label_of_an_augmented_pair_leads_into_the_other_box(frames, seed):
+    """Flip, rotation, scale and shifts together: points moved by their label lie in the box."""
+    config = AugmentationConfig(object_shift=2.0, object_shift_share=1.0, rotation=0.8)
+    points, displacement, foreground = pair_sample(frames[0], frames[2], 400, config, rng(seed))
+    boxes = _boxes_of_pair((frames[0], frames[2]), config, seed)
+    for here in (0, 1):
+        owner = points_in_boxes(points[here], boxes[here], margin=1e-3)
+        chosen = foreground[here] == 1
+        assert chosen.sum() > 40
+        assert (owner[chosen] >= 0).all()
+        there = points[here, chosen] + displacement[here, chosen]
+        for box in (0, 1):
+            turned_back = boxes[1 - here][box].copy()
+            turned_back[6] = boxes[here][box, 6]
+            led = there[owner[chosen] == box]
+            assert (points_in_boxes(led, turned_back[None], margin=2e-3) == 0).all()
+
+
+def _boxes_of_pair(frames, config, seed):
+    """The boxes that `pair_sample` makes of the frames, with the same draws."""
+    draws = rng(seed)
+    moved = shifted(frames, config, draws)
+    transform = SceneTransform.random(config, draws)
+    return [transform.boxes(frame.boxes) for frame in moved]
+
+
+def test_dont_care_regions_are_background_for_neither_network(frames):
+    everywhere = np.ones(len(frames[0].points), bool)
+    frame = frames[0]._replace(ignored=everywhere)
+    pair = pair_sample(frame, frames[1], 400, no_augmentation(), rng())
+    assert set(np.unique(pair.foreground[0])) == {-1, 1}
+    assert set(np.unique(pair.foreground[1])) == {0, 1}
+    assert not pair.displacement[0][pair.foreground[0] == -1].any()
+    sample = detector_sample(frame, CONFIG, no_augmentation(), rng())
+    np.testing.assert_array_equal(sample.mask_weights > 0, sample.foreground > 0)
 
 
 def test_pair_displacement_is_the_motion_of_the_box(frames):

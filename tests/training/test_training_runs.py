@@ -281,4 +281,4 @@ def test_defaults_are_the_papers():
     assert (schedule.learning_rate_min, schedule.learning_rate_max) == (1e-4, 1e-3)
     assert (schedule.cycle_epochs, schedule.beta1, schedule.beta2) == (8, 0.9, 0.999)
     assert schedule.epsilon == 1e-8
-    assert AugmentationConfig().displacement == 2.0
+    assert AugmentationConfig().object_shift == 2.0

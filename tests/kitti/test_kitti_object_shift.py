@@ -1,4 +1,4 @@
-"""The displacement experiment: distributions, determinism, what moves with what."""
+"""Object shifts: distributions, determinism, room, what moves with what."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kitti.boxes import points_in_boxes, project_boxes
-from kitti.displacement import (
+from kitti.footprints import footprints_overlap
+from kitti.object_shift import (
     LENGTHS,
-    DisplacementModel,
-    displace_detections,
-    displace_objects,
-    displace_points,
+    ObjectShift,
+    shift_detections,
+    shift_objects,
+    shift_points,
 )
 from kitti.objects import Objects
 
@@ -36,7 +37,7 @@ def _objects(frames, ids):
 @readings
 @given(seed=st.integers(0, 2**63 - 1), seq=st.integers(0, 9999), order=st.randoms())
 def test_depends_on_the_key_alone(length, hold, seed, seq, order):
-    model, objects = DisplacementModel(2.0, seed, length, hold), _objects(3, 4)
+    model, objects = ObjectShift(2.0, seed, length, hold), _objects(3, 4)
     offsets = model.offsets(objects, seq)
     rows = list(range(len(objects)))
     order.shuffle(rows)
@@ -48,9 +49,9 @@ def test_depends_on_the_key_alone(length, hold, seed, seq, order):
 @readings
 def test_other_seed_sequence_frame_or_id_gives_other_shifts(length, hold):
     objects = _objects(3, 4)
-    first = DisplacementModel(2.0, 1, length, hold).offsets(objects, 0)
+    first = ObjectShift(2.0, 1, length, hold).offsets(objects, 0)
     for seed, seq in ((2, 0), (1, 1), (0, 1)):
-        other = DisplacementModel(2.0, seed, length, hold).offsets(objects, seq)
+        other = ObjectShift(2.0, seed, length, hold).offsets(objects, seq)
         assert (np.abs(other - first) > 1e-6).all(axis=1).all()
     distinct = len(np.unique(first, axis=0))
     assert distinct == (4 if hold else 12)
@@ -60,12 +61,12 @@ def test_other_seed_sequence_frame_or_id_gives_other_shifts(length, hold):
 
 def test_shifts_stay_as_they_are_over_versions():
     """Pins the hash: figures made with a seed can be made again."""
-    offsets = DisplacementModel(2.0, 7, "per_axis").offsets(_objects(1, 2), 16)
+    offsets = ObjectShift(2.0, 7, "per_axis").offsets(_objects(1, 2), 16)
     np.testing.assert_allclose(offsets, PINNED, atol=1e-12)
 
 
 def test_uniform_length_and_direction():
-    offsets = DisplacementModel(2.0, 0, "uniform").offsets(_objects(200, 200), 0)
+    offsets = ObjectShift(2.0, 0, "uniform").offsets(_objects(200, 200), 0)
     reach, bearing = np.hypot(*offsets.T) / 2, np.arctan2(offsets[:, 1], offsets[:, 0])
     assert reach.max() <= 1
     for share in (0.1, 0.5, 0.9):  # 40,000 draws: standard error at most 0.0025
@@ -76,7 +77,7 @@ def test_uniform_length_and_direction():
 
 
 def test_per_axis_fills_the_square():
-    offsets = DisplacementModel(2.0, 0, "per_axis").offsets(_objects(200, 200), 0)
+    offsets = ObjectShift(2.0, 0, "per_axis").offsets(_objects(200, 200), 0)
     assert np.abs(offsets).max() <= 2
     for share in (0.1, 0.5, 0.9):
         below = (offsets < 4 * share - 2).mean(axis=0)
@@ -85,7 +86,7 @@ def test_per_axis_fills_the_square():
 
 
 def test_neighbouring_frames_and_ids_are_independent():
-    x = DisplacementModel(1.0, 0, "per_axis").offsets(_objects(200, 200), 0)[:, 0].reshape(200, 200)
+    x = ObjectShift(1.0, 0, "per_axis").offsets(_objects(200, 200), 0)[:, 0].reshape(200, 200)
     assert abs(np.corrcoef(x[1:].ravel(), x[:-1].ravel())[0, 1]) < 0.02
     assert abs(np.corrcoef(x[:, 1:].ravel(), x[:, :-1].ravel())[0, 1]) < 0.02
 
@@ -94,9 +95,9 @@ def test_neighbouring_frames_and_ids_are_independent():
 @readings
 def test_distance_zero_moves_nothing_and_distance_scales(length, hold):
     objects = _objects(2, 3)
-    none = DisplacementModel(0.0, 5, length, hold).offsets(objects, 1)
+    none = ObjectShift(0.0, 5, length, hold).offsets(objects, 1)
     assert not none.any()
-    one, two = (DisplacementModel(d, 5, length, hold).offsets(objects, 1) for d in (1.0, 2.0))
+    one, two = (ObjectShift(d, 5, length, hold).offsets(objects, 1) for d in (1.0, 2.0))
     np.testing.assert_allclose(two, 2 * one)
 
 
@@ -111,16 +112,16 @@ def test_distance_zero_moves_nothing_and_distance_scales(length, hold):
 )
 def test_bad_models(bad, message):
     with pytest.raises(ValueError, match=message):
-        DisplacementModel(**bad)
+        ObjectShift(**bad)
 
 
 def test_rows_without_box_or_id_stay(calib):
     dont_care = Objects.from_boxes(0, -1, np.full((1, 7), np.nan), kind="DontCare")
     objects = Objects.concatenate([_objects(1, 1), dont_care])
-    offsets = DisplacementModel(2.0).offsets(objects, 0)
+    offsets = ObjectShift(2.0).offsets(objects, 0)
     assert offsets[0].any()
     assert not offsets[1].any()
-    moved = displace_objects(objects, offsets, calib)
+    moved = shift_objects(objects, offsets, calib)
     np.testing.assert_allclose(moved.boxes[0, :2], CAR[:2] + offsets[0])
     np.testing.assert_array_equal(moved.boxes[0, 2:], CAR[2:])
     assert np.isnan(moved.boxes[1]).all()
@@ -130,7 +131,7 @@ def test_rows_without_box_or_id_stay(calib):
 def test_2d_boxes_follow_where_a_calibration_is_given(calib):
     objects = _objects(1, 3)
     offsets = np.array([[1.0, 0.5], [0, 0], [-100, 0]])
-    plain, moved = displace_objects(objects, offsets), displace_objects(objects, offsets, calib)
+    plain, moved = shift_objects(objects, offsets), shift_objects(objects, offsets, calib)
     np.testing.assert_array_equal(plain.bbox, objects.bbox)
     np.testing.assert_allclose(moved.bbox[0], project_boxes(moved.boxes[:1], calib)[0])
     np.testing.assert_array_equal(moved.bbox[1], objects.bbox[1])  # did not move
@@ -144,7 +145,7 @@ def test_points_in_a_box_move_with_it():
     points = rng.uniform([15, -3, -1, 0], [36, 3, 1, 1], (2000, 4)).astype(np.float32)
     boxes = np.stack([CAR, _moved(CAR, 10)])
     offsets = np.array([[1.0, -2.0], [0.0, 0.5]])
-    moved, index = displace_points(points, boxes, offsets), points_in_boxes(points, boxes)
+    moved, index = shift_points(points, boxes, offsets), points_in_boxes(points, boxes)
     assert set(index) == {-1, 0, 1}
     for box in (0, 1):
         step = moved[index == box] - points[index == box]
@@ -160,18 +161,88 @@ def test_detections_move_with_the_object_they_overlap_most():
     below = _moved(CAR, z=-9)  # seen from above it overlaps, and that is what counts
     found = Objects.from_boxes([3, 4, 3, 3, 9, 3], -1, np.stack(
         [between, on_first, alone, on_first, on_first, below]), 0.5)  # fmt: skip
-    moved = displace_detections(found, objects, offsets)
+    moved = shift_detections(found, objects, offsets)
     step = (moved.boxes - found.boxes)[:, :2]
     expected = [[0, 2], [-5, -5], [0, 0], [1, 0], [0, 0], [1, 0]]
     np.testing.assert_allclose(step, expected, atol=1e-12)
 
 
+def _crowd(frames=3, ids=14):
+    """Parked cars side by side, 0.6 m apart, some of them with a pedestrian at their side."""
+    objects = _objects(frames, ids)
+    boxes = objects.boxes.copy()
+    boxes[:, 0], boxes[:, 1], boxes[:, 6] = 15.0, 2.6 * objects.track_id, 0.1
+    person = objects.track_id % 4 == 3
+    boxes[person, 3:6] = 0.6, 0.6, 1.8
+    boxes[person, 1] -= 1.6  # inside the footprint of the car before
+    return objects.with_boxes(boxes)
+
+
+def _overlaps(objects):
+    same_frame = objects.frame[:, None] == objects.frame
+    return footprints_overlap(objects.boxes[:, None], objects.boxes) & same_frame
+
+
+@lengths
+@readings
+@given(seed=st.integers(0, 2**63 - 1))
+def test_shifts_make_no_new_overlap(length, hold, seed):
+    objects = _crowd()
+    model = ObjectShift(2.0, seed, length, hold)
+    offsets = model.offsets(objects, 0)
+    before, after = _overlaps(objects), _overlaps(shift_objects(objects, offsets))
+    assert not (after & ~before).any()
+    assert (before & ~np.eye(len(objects), dtype=bool)).any()
+    assert (np.hypot(*offsets.T) > 0).mean() > 0.7
+    by_frame = offsets.reshape(3, -1, 2)
+    assert (by_frame == by_frame[0]).all() == hold
+
+
+@lengths
+@readings
+@given(seed=st.integers(0, 2**63 - 1), order=st.randoms())
+def test_order_of_rows_does_not_matter_in_a_crowd(length, hold, seed, order):
+    objects, model = _crowd(), ObjectShift(2.0, seed, length, hold)
+    rows = list(range(len(objects)))
+    order.shuffle(rows)
+    np.testing.assert_array_equal(
+        model.offsets(objects[np.array(rows)], 5), model.offsets(objects, 5)[rows]
+    )
+
+
+def test_redraws_come_from_the_same_distribution_and_lower_ids_go_first():
+    objects = _objects(400, 2)
+    boxes = objects.boxes.copy()
+    boxes[:, 0] = 20.0 + 4.5 * objects.track_id
+    crowded = objects.with_boxes(boxes)
+    free, found = (ObjectShift(2.0, 3).offsets(o, 0) for o in (objects, crowded))
+    kept = (found == free).all(axis=1)
+    first = objects.track_id == 0
+    assert 0.5 < kept.mean() < 1
+    assert np.hypot(*found.T).max() <= 2
+    alone = objects[first]
+    others_at_home = footprints_overlap(
+        shift_objects(alone, free[first]).boxes, crowded[~first].boxes
+    )
+    np.testing.assert_array_equal(kept[first], ~others_at_home)
+
+
+def test_an_object_without_room_keeps_its_place():
+    wall = np.array([[20.0, side * 1.01, 0, 40, 0.02, 2, 0] for side in (-1, 1)])
+    ends = np.array([[20.0 + side * 2.01, 0, 0, 0.02, 2, 2, 0] for side in (-1, 1)])
+    inside = np.array([[20.0, 0, 0, 4, 2, 1.5, 0]])
+    boxes = np.concatenate([wall, ends, inside])
+    objects = Objects.from_boxes(0, [-1, -1, -1, -1, 7], boxes, 1.0)
+    assert not ObjectShift(2.0).offsets(objects, 0).any()
+    assert ObjectShift(2.0).offsets(objects[4:], 0).all()
+
+
 def test_empty_frames_and_files():
     nothing = Objects.empty()
-    model = DisplacementModel(2.0)
+    model = ObjectShift(2.0)
     assert model.offsets(nothing, 0).shape == (0, 2)
-    assert len(displace_objects(nothing, np.zeros((0, 2)))) == 0
+    assert len(shift_objects(nothing, np.zeros((0, 2)))) == 0
     some = _objects(1, 2)
-    stay = displace_detections(some, nothing, np.zeros((0, 2)))
+    stay = shift_detections(some, nothing, np.zeros((0, 2)))
     np.testing.assert_array_equal(stay.boxes, some.boxes)
-    assert len(displace_detections(nothing, some, np.ones((2, 2)))) == 0
+    assert len(shift_detections(nothing, some, np.ones((2, 2)))) == 0
