@@ -22,11 +22,11 @@ class LabelledFrame(NamedTuple):
     points: np.ndarray  # (n, 3) float32 level frame, camera crop
     boxes: np.ndarray  # (M, 7) float64 level frame, vehicles only
     classes: np.ndarray  # (M,) int32 index into the detector's classes
-    track_ids: np.ndarray  # (M,) int32
+    track_ids: np.ndarray  # (M,) int64
     ground: np.ndarray  # (n,) bool
     ignored: np.ndarray  # (n,) bool, in the image inside a DontCare region
     other_boxes: np.ndarray  # (K, 7) float64, labelled objects of other classes
-    other_ids: np.ndarray  # (K,) int32
+    other_ids: np.ndarray  # (K,) int64
 
 
 def open_training_data(roots: SequenceOf[str | Path], seqs: SequenceOf[str]) -> list[Sequence]:
@@ -68,11 +68,11 @@ def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> Labelled
         points,
         np.asarray(vehicles.boxes, np.float64).reshape(-1, 7),
         names,
-        np.asarray(vehicles.track_id, np.int32),
+        np.asarray(vehicles.track_id, np.int64),
         ground,
         _inside(points, sequence, regions),
         np.asarray(others.boxes, np.float64).reshape(-1, 7),
-        np.asarray(others.track_id, np.int32),
+        np.asarray(others.track_id, np.int64),
     )
 
 
