@@ -1,41 +1,123 @@
-"""Puts the tables of docs/tables into README.md, so that no figure there is typed by hand.
+"""Fills the tables of docs/tables into the documents: no measured number there is typed by hand.
 
     python -m experiments.readme_tables          write them
-    python -m experiments.readme_tables --check  fail if README.md differs from them
+    python -m experiments.readme_tables --check  fail if a document differs from the files
 
-In README.md a table stands between `<!-- table: NAME -->` and `<!-- end -->`; it is what
-docs/tables/NAME.md holds, without its title. Where that file is not there, one line says which
-experiment makes it.
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`. It is the text of
+docs/tables/NAME.md without its title, and one line about the run that made it (date, commit,
+machine, versions, command) from docs/tables/NAME.json. Where NAME.md is not there, one line names
+the experiment that makes it. The table `summary` is made of validation.json and real.json.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import mean
+from typing import Any
 
 from common.errors import InputError
 from common.files import write_text
 from common.flags import ArgumentParser, run
 from common.provenance import ROOT
+from evaluation.table import markdown
+from experiments.paper import TABLE5
+from experiments.runs import shown
 
+TABLES = ROOT / "docs" / "tables"
 PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # the record's line says it, with the rest
+EXAMS = {"simulated": "validation", "real": "real"}
+DISTANCES = ("0.0", "2.0")  # metres, as the exams' files name them
+TRACKERS = {
+    "pointtracknet": "PointTrackNet",
+    "sort": "SORT",
+    "deep_sort": "DEEP_SORT",
+    "ab3dmot": "AB3DMOT",
+}
 
 
-def filled(readme: str, tables: Path) -> str:
-    """The text of README.md with every table as its file has it."""
-    if readme.count("<!-- table:") != len(PLACE.findall(readme)):
-        raise InputError("expected <!-- end --> after each <!-- table: NAME -->", "README.md")
-    return PLACE.sub(lambda match: match[1] + _table(tables / f"{match[2]}.md") + match[3], readme)
+def documents() -> list[Path]:
+    """The Markdown files that may hold tables."""
+    folders = ("tracking", "weights")
+    return [
+        ROOT / "README.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+        *(ROOT / folder / "README.md" for folder in folders),
+    ]
 
 
-def _table(path: Path) -> str:
+def filled(text: str, tables: Path, name: str = "README.md") -> str:
+    """The text of document `name` with every table as its files in folder `tables` have it."""
+    if text.count("<!-- table:") != len(PLACE.findall(text)):
+        raise InputError("expected <!-- end --> after each <!-- table: NAME -->", name)
+    return PLACE.sub(lambda match: match[1] + _table(tables, match[2]) + match[3], text)
+
+
+def _table(tables: Path, name: str) -> str:
+    if name == "summary":
+        return summary(*(_read(tables / f"{exam}.json")["figures"] for exam in EXAMS.values()))
+    path, record = tables / f"{name}.md", tables / f"{name}.json"
     if not path.is_file():
-        return f"No figures here yet: `python -m experiments.{path.stem}` measures them.\n"
+        return f"Not measured yet: `python -m experiments.{name}` makes it.\n"
     lines = path.read_text(encoding="utf-8").splitlines()
+    if record.is_file():
+        lines = [line for line in lines if not COMMAND.match(line)]
+        lines += ["", record_line(_read(record)["run"])]
     lines = [line for line in lines if not line.startswith("# ")]
     lines = [f"**{line[3:]}**" if line.startswith("## ") else line for line in lines]
-    return "\n".join(lines).strip() + "\n"
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines).strip()) + "\n"
+
+
+def record_line(made: dict[str, Any]) -> str:
+    """When, from which commit, on which machine and by which command a table was measured."""
+    commit, changed = re.fullmatch(r"(\w+)(\+changes)?", made["git_commit"] or "unknown").groups()
+    machine, versions = made["machine"], made["versions"]
+    processor = machine["processor"] or machine["architecture"]
+    return (
+        f"*Measured {made['time_utc'][:10]}, commit {commit[:7]}"
+        f"{' with uncommitted changes' if changed else ''}, {machine['cpu_count']} CPU cores "
+        f"({processor}), Python {versions['python']}, TensorFlow {versions['tensorflow']}:* "
+        f"`{made['command']}`"
+    )
+
+
+def summary(*exams: dict[str, list[dict[str, float]]]) -> str:
+    """MOTA of every tracker in every exam beside the paper's, and who is ahead of ours where."""
+    columns = [(exam, distance) for exam in exams for distance in DISTANCES]
+    heads = [f"{data}, D = {float(d):g} m" for data in (*EXAMS, "paper") for d in DISTANCES]
+    lines = []
+    for boxes, title in (("", ""), (" on true boxes", ", true boxes")):
+        for tracker, name in TRACKERS.items():
+            key = f"MOTA@0.5, {tracker}{boxes}"
+            if any(key in exam[distance][0] for exam, distance in columns):
+                cells = [shown([f[key] for f in exam[d]], 3) for exam, d in columns]
+                lines.append([name + title, *cells, *_paper(name, "gt" if boxes else "predicted")])
+    return markdown(["MOTA, 3-D IoU 0.5", *heads], lines) + "\n" + _behind(exams, heads)
+
+
+def _paper(name: str, boxes: str) -> list[str]:
+    rows = TABLE5[boxes].get(name)
+    return ["-" if rows is None else f"{rows[float(d)][0]:.3f}" for d in DISTANCES]
+
+
+def _behind(exams: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[str]) -> str:
+    columns = [exam[distance] for exam in exams for distance in DISTANCES]
+    parts = []
+    for head, figures in zip(heads, columns, strict=False):
+        ours, *others = (mean(f[f"MOTA@0.5, {tracker}"] for f in figures) for tracker in TRACKERS)
+        names = zip(list(TRACKERS.values())[1:], others, strict=True)
+        if ahead := [name for name, value in names if value > ours]:
+            parts.append(f"{', '.join(ahead)} ({head})")
+    if not parts:
+        return "PointTrackNet is ahead of all baselines in these columns.\n"
+    return f"**PointTrackNet loses to** {'; '.join(parts)}.\n"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -43,13 +125,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--check", action="store_true", help="only compare")
     args = parser.parse_args(argv)
-    path = ROOT / "README.md"
-    found = path.read_text(encoding="utf-8")
-    expected = filled(found, ROOT / "docs" / "tables")
-    if args.check and found != expected:
-        raise InputError("differs from docs/tables: run python -m experiments.readme_tables", path)
-    if not args.check:
-        write_text(path, expected)
+    for path in documents():
+        found = path.read_text(encoding="utf-8")
+        expected = filled(found, TABLES, path.name)
+        if args.check and found != expected:
+            raise InputError(
+                "differs from docs/tables: run python -m experiments.readme_tables", path
+            )
+        if found != expected:
+            write_text(path, expected)
 
 
 if __name__ == "__main__":

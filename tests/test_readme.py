@@ -1,31 +1,38 @@
-"""The README: its tables are the files', its links exist, its commands are what scripts take."""
+"""The documents: tables are the files', links exist, commands have flags that scripts take."""
 
 import importlib
+import json
 import re
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+from documents import PYTHON, commands, documents
 from small_weights import write_weights
 
 from common import flags
 from common.errors import InputError
-from common.provenance import ROOT
-from experiments.readme_tables import filled
+from common.provenance import ROOT, provenance
+from experiments import readme_tables
+from experiments.readme_tables import TABLES, filled, record_line, summary
 from kitti.scans import write_scan
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PYTHON = ".venv/bin/python"
+EACH_DOCUMENT = pytest.mark.parametrize(
+    "path", documents(), ids=lambda path: str(path.relative_to(ROOT))
+)
 
 
-def _commands() -> list[str]:
-    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
-    return [line for block in blocks for line in block.splitlines() if line.strip()]
+@EACH_DOCUMENT
+def test_tables_are_those_of_docs_tables(path):
+    text = path.read_text(encoding="utf-8")
+    assert filled(text, TABLES, path.name) == text
 
 
-def test_tables_are_those_of_docs_tables():
-    assert filled(README, ROOT / "docs" / "tables") == README
+def test_every_document_with_a_table_is_filled():
+    marked = {path for path in documents() if "<!-- table:" in path.read_text(encoding="utf-8")}
+    assert marked and marked <= set(readme_tables.documents())
 
 
 def test_a_table_is_put_in_and_its_title_left_out(tmp_path):
@@ -35,34 +42,88 @@ def test_a_table_is_put_in_and_its_title_left_out(tmp_path):
     )
     expected = "before\n<!-- table: a-b -->\n| x |\n|---|\n| 1 |\n\n**Part**\n<!-- end -->\n"
     assert filled(text, tmp_path).startswith(expected)
-    assert "No figures here yet: `python -m experiments.none` measures them." in filled(
-        text, tmp_path
-    )
-    with pytest.raises(InputError, match="expected <!-- end -->"):
+    assert "Not measured yet: `python -m experiments.none` makes it." in filled(text, tmp_path)
+    with pytest.raises(InputError, match=r"README\.md: expected <!-- end -->"):
         filled("<!-- table: a -->\n", tmp_path)
 
 
+def test_the_record_of_a_table_takes_the_place_of_its_command(tmp_path):
+    made = {**provenance(), "time_utc": "2026-01-02T03:04:05+00:00", "command": "python -m x"}
+    made |= {"git_commit": "0123456789abcdef+changes", "versions": {}}
+    made["versions"] = {"python": "3.11.7", "tensorflow": "2.21.0"}
+    made["machine"] = {"cpu_count": 2, "processor": "", "architecture": "x86_64"}
+    line = (
+        "*Measured 2026-01-02, commit 0123456 with uncommitted changes, 2 CPU cores (x86_64), "
+        "Python 3.11.7, TensorFlow 2.21.0:* `python -m x`"
+    )
+    assert record_line(made) == line
+    (tmp_path / "a.md").write_text("# A\n\nMade by `python -m x`.\n\nWords.\n\n`python -m x`\n")
+    (tmp_path / "a.json").write_text(json.dumps({"run": made}))
+    found = filled("<!-- table: a -->\n<!-- end -->", tmp_path)
+    assert found == f"<!-- table: a -->\nWords.\n\n{line}\n<!-- end -->"
+
+
+def _exam(ours: float, others: float) -> dict[str, list[dict[str, float]]]:
+    mota = {"pointtracknet": ours, "sort": others, "deep_sort": others, "ab3dmot": 0.1}
+    boxes = {f"MOTA@0.5, {name}": value for name, value in mota.items()}
+    return {distance: [boxes, boxes] for distance in ("0.0", "2.0")}
+
+
+def test_the_summary_names_the_trackers_that_are_ahead():
+    text = summary(_exam(0.5, 0.25), _exam(0.5, 0.75))
+    ours = next(line for line in text.splitlines() if line.startswith("| PointTrackNet"))
+    assert re.findall(r"-?\d\.\d{3}", ours) == ["0.500", "0.000"] * 4 + ["0.738", "0.647"]
+    assert text.endswith(
+        "**PointTrackNet loses to** SORT, DEEP_SORT (real, D = 0 m); SORT, DEEP_SORT (real, "
+        "D = 2 m).\n"
+    )
+    assert "ahead of all baselines" in summary(_exam(0.5, 0.2), _exam(0.5, 0.3))
+
+
 def test_a_table_that_is_not_there_names_an_experiment():
-    for name in re.findall(r"No figures here yet: `python -m experiments\.(\w+)`", README):
-        assert (ROOT / "experiments" / f"{name}.py").is_file()
+    for path in documents():
+        text = path.read_text(encoding="utf-8")
+        for name in re.findall(r"Not measured yet: `python -m experiments\.(\w+)`", text):
+            assert (ROOT / "experiments" / f"{name}.py").is_file()
 
 
-def test_links_and_pictures_exist():
-    links = re.findall(r"\]\(([^)#\s]+)\)", README)
-    missing = [link for link in links if not link.startswith("http") and not (ROOT / link).exists()]
-    assert len(links) > 10 and missing == []
+@EACH_DOCUMENT
+def test_links_and_pictures_exist(path):
+    links = re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8"))
+    missing = []
+    for link in links:
+        if not link.startswith("http"):
+            file, _, anchor = link.partition("#")
+            target = path.parent / file if file else path
+            if not target.exists() or (anchor and anchor not in _anchors(target)):
+                missing.append(link)
+    assert missing == []
 
 
-def test_every_folder_of_code_has_its_line():
-    rooms = {path.parent.name for path in ROOT.glob("*/__init__.py")}
+def _anchors(path: Path) -> set[str]:
+    """As GitHub makes them of the headings."""
+    headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_the_readme_is_short_and_every_folder_of_code_has_its_line():
+    assert len(README.splitlines()) <= 180
+    rooms = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
     assert {room for room in rooms if f"`{room}/`" not in README} == set()
+
+
+def test_files_that_contributing_names_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    names = set(re.findall(r"`((?:\w+/)+\w+\.\w+)`", text))
+    assert len(names) > 10
+    assert {name for name in names if not (ROOT / name).is_file()} == set()
 
 
 class _Parsed(Exception):  # noqa: N818
     """The flags were understood."""
 
 
-@pytest.mark.parametrize("command", [c for c in _commands() if PYTHON in c])
+@pytest.mark.parametrize("command", [c.text for c in commands() if c.is_python])
 def test_scripts_take_the_commands_flags(command, monkeypatch):
     real = flags.ArgumentParser.parse_args
 
@@ -82,10 +143,13 @@ def test_scripts_take_the_commands_flags(command, monkeypatch):
         importlib.import_module(name).main(argv)
 
 
-def test_make_targets_of_the_readme_exist():
-    targets = {word for c in _commands() if c.startswith("make") for word in c.split()[1:]}
+def test_make_targets_of_the_documents_exist():
+    lines = [c.text for c in commands() if c.text.startswith("make")]
+    targets = {word for line in lines for word in line.split()[1:]}
     makefile = (ROOT / "Makefile").read_text()
-    assert targets and all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
+    assert {"demo", "test"} <= targets and all(
+        re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets
+    )
 
 
 @pytest.mark.slow

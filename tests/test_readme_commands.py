@@ -1,4 +1,4 @@
-"""Every command of README.md is run: here on small data, or by the test that `RUNS` names."""
+"""Every command of the documents is run: here on small data, or by the test that `RUNS` names."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from documents import PYTHON, Command, commands
 from network_cases import SMALL_DETECTOR, SMALL_TRACKER
 from small_inputs import config_flags, two_cars
 from small_weights import write_weights
@@ -23,13 +24,13 @@ from common import flags
 from common.provenance import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PYTHON = ".venv/bin/python"
-ON_KITTI, TRAINING = ("KITTI", "Tables, figures, pictures"), ("Training",)
+KITTI, TRAINING = "kitti", "training"
 
 
 class Here(NamedTuple):
-    """Run by this file, with `more` added to the command, and with `SHORTER` words."""
+    """Run by the test of a group, with `more` added to the command, and with `SHORTER` words."""
 
+    group: str
     more: tuple[str, ...] = ()
 
 
@@ -47,59 +48,67 @@ ROW = tuple(
 )
 TRACKING = "tests/experiments/test_tracking_experiments.py"
 ABLATION = "tests/experiments/test_ablation.py"
+DECODING = "tests/experiments/test_decoding_parameters.py"
+MAKE = "tests/test_readme_commands.py::test_make_runs_what_the_documents_say"
 
-RUNS: dict[str, Here | str] = {  # a part that one command of the README has and no other
+RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of make, all of it
+    "make": MAKE,
     "make demo": "tests/test_demo.py::test_interrupted_then_finished_then_repeated",
-    "make test": "tests/test_readme_commands.py::test_make_runs_the_demo_and_the_tests",
+    "make test": MAKE,
+    "make test-fast": MAKE,
+    "make format": MAKE,
+    "make lint": MAKE,
+    "make sanitize": MAKE,
+    "pip install": "tests/test_install.py::test_the_library_runs_in_another_folder",
     "--scans DIR": "tests/test_track.py::test_command_line_writes_results_and_pictures",
-    "--protocol clear3d": Here(),
-    "--tracker sort": Here(),
-    "--displacement 2 ": Here(),
+    "--protocol clear3d": Here(KITTI),
+    "--tracker sort": Here(KITTI),
+    "--displacement 2 ": Here(KITTI),
     "--subset testing": "tests/evaluation/test_submission.py::test_all_29_sequences_are_in_the_zip",
-    "demo.py": Here(),
-    "--split train": Here(("--sequences", "1", "--frames", "4", "--processes", "1")),
-    "--split val": Here(("--sequences", "1", "--frames", "2", "--processes", "1")),
-    "--from_labels": Here(("--seqs", "0001", "--processes", "1")),
-    "--workdir runs/detector": Here((*ONE_STEP, *DETECTOR)),
-    "--workdir runs/tracker": Here((*ONE_STEP, *TRACKER)),
-    "training.export": Here(),
-    "--tracker.fusion ": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
-    "--tracker.fused_features": Here((*ONE_STEP, "--seqs", "0000", *ROW)),
-    '"index": 0': Here((*TWO_STEPS, *DETECTOR)),
-    '"index": 1': Here((*TWO_STEPS, *DETECTOR)),
+    "demo.py": Here(KITTI),
+    "--tracker ab3dmot": Here(KITTI),
+    "--results results/ab3dmot/tracks": Here(KITTI),
+    "--split train": Here(TRAINING, ("--sequences", "1", "--frames", "4", "--processes", "1")),
+    "--split val": Here(TRAINING, ("--sequences", "1", "--frames", "2", "--processes", "1")),
+    "--from_labels": Here(TRAINING, ("--seqs", "0001", "--processes", "1")),
+    "--workdir runs/detector": Here(TRAINING, (*ONE_STEP, *DETECTOR)),
+    "--workdir runs/tracker": Here(TRAINING, (*ONE_STEP, *TRACKER)),
+    "--workdir runs/frozen": Here(TRAINING, (*ONE_STEP, *TRACKER)),
+    "training.export": Here(TRAINING),
+    "--tracker.fusion ": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
+    "--tracker.fused_features": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
+    '"index": 0': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
+    '"index": 1': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
     "experiments.table3": f"{ABLATION}::test_table3_goes_on_where_it_was_interrupted",
     "experiments.table4": f"{ABLATION}::test_table4_trains_a_row",
-    "experiments.network_exam": Here(),
+    "experiments.network_exam": Here(KITTI),
     "experiments.table5": f"{TRACKING}::test_table5_has_a_row_of_ours_above_each_of_the_papers",
+    "experiments.displacement_readings": (
+        f"{TRACKING}::test_readings_mark_the_default_once_per_tracker"
+    ),
     "experiments.figure5": f"{TRACKING}::test_figure5_writes_curve_and_picture",
-    "visualize.py birds_eye": Here(),
-    "visualize.py trajectories": Here(),
-    "visualize.py animation": Here(),
-    "visualize.py network": Here(),
-    "experiments.readme_tables": Here(),
-    "from pointtracknet import": "tests/test_readme.py::test_the_library_example_runs",
+    "experiments.ab3dmot": f"{TRACKING}::test_ab3dmot_table_stands_beside_the_published_rows",
+    "experiments.decoding_parameters": f"{DECODING}::test_from_end_to_end",
+    "visualize.py birds_eye": Here(KITTI),
+    "visualize.py trajectories": Here(KITTI),
+    "visualize.py animation": Here(KITTI),
+    "visualize.py network": Here(KITTI),
+    "experiments.readme_tables": Here(KITTI),
 }
 
 
-def _commands() -> list[tuple[str, str]]:
-    """(section, command) of each line in a sh block, and of the Python block as a whole."""
-    found, section = [], ""
-    blocks = r"^## ([^\n]+)$|^```sh\n(.*?)^```|^```python\n(.*?)^```"
-    for match in re.finditer(blocks, README, re.DOTALL | re.MULTILINE):
-        section = match[1] or section
-        lines = [match[3]] if match[3] else (match[2] or "").splitlines()
-        found += [(section, line) for line in lines if line.strip()]
-    return found
+def _matches(part: str, command: str) -> bool:
+    return command == part if command.startswith("make") else part in command
 
 
 def _run_of(command: str) -> Here | str:
-    (run,) = (run for part, run in RUNS.items() if part in command)
+    (run,) = (run for part, run in RUNS.items() if _matches(part, command))
     return run
 
 
 def _argv(command: str) -> tuple[str, list[str]]:
-    """(module, arguments) of a README command in its small form."""
+    """(module, arguments) of a command in its small form."""
     run, words = _run_of(command), shlex.split(command.removesuffix("&"))
     words = [SHORTER.get(word, word) for word in words[words.index(PYTHON) + 1 :]]
     words, name = (words[2:], words[1]) if words[0] == "-m" else (words[1:], words[0])
@@ -107,26 +116,29 @@ def _argv(command: str) -> tuple[str, list[str]]:
     return name, [*words, *run.more]
 
 
-def _run_section(sections: tuple[str, ...], monkeypatch) -> list[str]:
-    """Runs what `RUNS` marks with `Here`, in the README's order; returns the commands."""
-    done = []
-    for section, command in _commands():
-        if section not in sections or isinstance(_run_of(command), str) or "TF_CONFIG" in command:
-            continue
-        name, argv = _argv(command)
+def _commands_of(group: str) -> list[Command]:
+    """Those that run in this process, in the documents' order."""
+    return [
+        command
+        for command in commands()
+        if getattr(_run_of(command.text), "group", None) == group
+        and "TF_CONFIG" not in command.text
+    ]
+
+
+def _run_group(group: str, monkeypatch) -> None:
+    for command in _commands_of(group):
+        name, argv = _argv(command.text)
         monkeypatch.setattr(sys, "argv", [name, *argv])
         assert flags.run(importlib.import_module(name).main, argv) == 0, command
-        done.append(command)
-    return done
 
 
-def test_readme_and_table_have_the_same_commands():
-    commands = [command for _, command in _commands()]
-    assert len(commands) == len(RUNS)
+def test_documents_and_table_have_the_same_commands():
+    found = [command.text for command in commands()]
+    for command in found:
+        assert sum(_matches(part, command) for part in RUNS) == 1, command
     for part in RUNS:
-        assert sum(part in command for command in commands) == 1, part
-    sections = {section for section, c in _commands() if isinstance(_run_of(c), Here)}
-    assert sections <= {*ON_KITTI, *TRAINING}  # those which the tests below go through
+        assert sum(_matches(part, command) for command in found) == 1, part
 
 
 @pytest.mark.parametrize("name", sorted({run for run in RUNS.values() if isinstance(run, str)}))
@@ -135,16 +147,21 @@ def test_named_tests_exist(name):
     assert f"\ndef {function}(" in (ROOT / path).read_text(encoding="utf-8")
 
 
-def test_make_runs_the_demo_and_the_tests():
-    def recipe(*words):
-        command = ["make", "-n", "--no-print-directory", "-C", str(ROOT), *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-        return done.stdout.splitlines()[-1].split()
+def _recipe(*words: str) -> list[str]:
+    """The last command that make would run."""
+    command = ["make", "-n", "--no-print-directory", "-C", str(ROOT), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return shlex.split(done.stdout.splitlines()[-1])
 
-    assert recipe("demo") == [PYTHON, "demo.py"]
-    assert recipe("test")[:3] == [PYTHON, "-m", "pytest"]
+
+def test_make_runs_what_the_documents_say():
+    assert _recipe("demo") == [PYTHON, "demo.py"]
+    assert _recipe("test")[:3] == [PYTHON, "-m", "pytest"]
+    assert _recipe("test-fast")[-2:] == ["-m", "not slow"]
+    assert _recipe("lint")[1] == "--dry-run" and _recipe("format")[1] == "-i"
+    assert _recipe() != _recipe("sanitize")
     (shorter,) = re.findall(r'`make (DEMO_FLAGS="[^"]+" demo)`', README)
-    assert recipe(*shlex.split(shorter)) == [PYTHON, "demo.py", "--frames", "20"]
+    assert _recipe(*shlex.split(shorter)) == [PYTHON, "demo.py", "--frames", "20"]
 
 
 def _trace_once(monkeypatch):
@@ -166,9 +183,8 @@ def test_commands_on_kitti(tmp_path, monkeypatch, capsys):
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
     _trace_once(monkeypatch)
-    done = _run_section(ON_KITTI, monkeypatch)
-    outputs = [re.search(r"--out (\S+)", command) for command in done]
-    assert len(done) == 10
+    _run_group(KITTI, monkeypatch)
+    outputs = [re.search(r"--out (\S+)", command.text) for command in _commands_of(KITTI)]
     assert all(Path(match[1]).exists() for match in outputs if match)
     assert Path("results/real/index.html").is_file()
 
@@ -178,7 +194,7 @@ def test_training_commands(tmp_path, monkeypatch, capsys):
     two_cars().write_sequence(tmp_path / "KITTI", 1, frames=2)
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
-    assert len(_run_section(TRAINING, monkeypatch)) == 8
+    _run_group(TRAINING, monkeypatch)
     assert Path("data/replay/training/label_02/0001.txt").is_file()
     for name in ("detector.npz", "tracker.npz", "training.md"):
         assert Path("runs/weights", name).is_file()
@@ -199,12 +215,12 @@ def test_two_workers_on_one_machine(tmp_path):
             s.bind(("127.0.0.1", 0))
         ports = [str(s.getsockname()[1]) for s in (one, two)]
     workers = []
-    for _, command in _commands():
-        if "TF_CONFIG" in command:
-            setting = shlex.split(command)[0].removeprefix("TF_CONFIG=")
+    for command in commands():
+        if "TF_CONFIG" in command.text:
+            setting = shlex.split(command.text)[0].removeprefix("TF_CONFIG=")
             for port, free in zip(("4001", "4002"), ports, strict=True):
                 setting = setting.replace(port, free)
-            name, argv = _argv(command)
+            name, argv = _argv(command.text)
             workers.append(
                 subprocess.Popen(
                     [sys.executable, str(ROOT / f"{name}.py"), *argv],
