@@ -18,8 +18,8 @@ from kitti.image_size import image_size_of
 from kitti.scans import in_camera_view
 from kitti.standard_mounting import standard_mounting
 from models.inference import FrameState, StreamingNetwork
+from models.weights import load_networks
 from tracking import Tracks, make_tracker
-from training.weights import load_networks
 
 __all__ = ["Tracker", "Tracks"]
 

@@ -23,8 +23,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     flags = result.parse_args(argv)
     config = configured(flags, TrackerTrainingConfig())
+    from models.weights import load_detector
     from training.tracker_task import TrackerTask
-    from training.weights import load_detector
 
     def task(config, training, validation):
         return TrackerTask(config, load_detector(flags.detector), training, validation)

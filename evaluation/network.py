@@ -11,7 +11,7 @@ from evaluation.scene import Scene
 from evaluation.sources import BoxSource, Detected
 from kitti.boxes import points_in_boxes
 from models.inference import FrameState, StreamingNetwork
-from training.weights import load_networks
+from models.weights import load_networks
 
 
 class NetworkBoxes:

@@ -127,9 +127,9 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
     vars(row).update(vars(args))
     row.workdir, row.resume = workdir, (workdir / "config.json").is_file()
     setattr(row, f"tracker.{table.field}", table.rows[name])
-    from training.checkpoint import CheckpointFolder  # TensorFlow only where it is needed
+    from models.weights import load_detector
+    from training.checkpoint_folder import CheckpointFolder  # TensorFlow only where it is needed
     from training.tracker_task import TrackerTask
-    from training.weights import load_detector
 
     def task(config, training, validation):
         return TrackerTask(config, load_detector(args.detector), training, validation)
@@ -145,10 +145,10 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
 
 def _at_its_end(checkpoints, epochs: int) -> bool:
     """Whether the last checkpoint is that of the last epoch, figures included."""
-    from training.checkpoint import load
+    from models.checkpoint import load
 
     steps = checkpoints.steps()
-    return bool(steps) and load(checkpoints.path(steps[-1]))[0]["figures"].get("epoch") == epochs
+    return bool(steps) and load(checkpoints.path(steps[-1]))[0]["metrics"].get("epoch") == epochs
 
 
 def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ from kitti.splits import parse_sequences
 from models.detections import DecodingConfig, decode_detections
 from models.detector import BoxPredictions, detector_inputs
 from models.probability_filter import foreground_probability
-from training.weights import load_detector
+from models.weights import load_detector
 
 TRIALS: dict[str, tuple] = {
     "min_probability": (0.2, 0.3, 0.4, 0.5, 0.6),

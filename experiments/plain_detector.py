@@ -39,7 +39,7 @@ class PlainDetector(keras.Model):
         super().__init__(name="plain_detector")
         self.kind = config.point_features
         self.abstraction = [
-            _mlp(layer.widths[0], f"sa{i + 1}") for i, layer in enumerate(config.set_abstraction)
+            _mlp(layer.widths, f"sa{i + 1}") for i, layer in enumerate(config.set_abstraction)
         ]
         self.pooling = [
             _mlp(layer.widths[:-1], f"fp{i + 1}") for i, layer in enumerate(config.set_upconv)
@@ -56,7 +56,7 @@ class PlainDetector(keras.Model):
         xyz = inputs.level_xyz
         features = [point_features(xyz[0], self.kind) if POINT_FEATURES[self.kind] else None]
         for i, layers in enumerate(self.abstraction):
-            groups = inputs.abstraction[i].groups[0]
+            groups = inputs.abstraction[i].groups
             x = self._grouped(xyz[i], features[i], xyz[i + 1], groups)
             features.append(tf.reduce_max(_apply(layers, x, training), 2))
         x = features[-1]

@@ -84,8 +84,8 @@ def multiplications(config) -> float:
         return channels
 
     for layer in config.set_abstraction:
-        rows = layer.num_points * layer.num_neighbors[0]
-        channels = chain(rows, channels + 3, layer.widths[0])
+        rows = layer.num_points * layer.num_neighbors
+        channels = chain(rows, channels + 3, layer.widths)
         skips.append(channels)
     for i, layer in enumerate(config.set_upconv):
         rows = config.set_abstraction[-2 - i].num_points
@@ -168,12 +168,12 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
 def resized(networks, num_points: int, num_kept_points: int):
     """The networks with other N and N', on which no weight depends."""
     from models.detector import Detector
-    from models.tracker import Tracker
+    from models.tracker import TrackingNetwork
 
     detector, tracker = networks
     config = dataclasses.replace(detector.config, num_points=num_points)
     track = dataclasses.replace(tracker.config, num_kept_points=num_kept_points)
-    others = Detector(config), Tracker(tracker.in_channels, track)
+    others = Detector(config), TrackingNetwork(config, track)
     for other, network in zip(others, networks, strict=True):
         other.set_weights(network.get_weights())
     return others
@@ -219,7 +219,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--weights", type=Path, default=Path("weights"), metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("results/table2"))
     flags = parser.parse_args(argv)
-    from training.weights import load_networks
+    from models.weights import load_networks
 
     networks = load_networks(flags.weights)
     config = networks[0].config

@@ -5,14 +5,14 @@ from __future__ import annotations
 import keras
 import tensorflow as tf
 
-from models.config import Fusion
-from models.linear_norm import NORMALIZED
-from models.neighborhood import NeighborhoodMLP
+from models.config import Fusion, TrackerConfig
+from models.layers import NORMALIZED
+from models.local_pointnet import LocalPointNet, Points
 from models.set_upconv import neighbors_within
 from tf_ops import group_point
 
-PAIR_SIZE = {"cosine_distance": 0.05, "dot_product": 0.1}
-"""How far the fused value varies at first: features of one sign are nearly parallel."""
+EDGE_SIZE = {"cosine_distance": 0.05, "dot_product": 0.1}
+"""Standard deviation of the fused value before training: positive features are nearly parallel."""
 
 
 def fuse(
@@ -24,7 +24,7 @@ def fuse(
     neighbors (B, M, K) int32 rows of frame t
     -> (B, M, K, C) for elementwise_product, (B, M, K, 1) for cosine_distance and dot_product.
     Dot products are divided by C, to start at the scale of the other features. One matrix product
-    of all M L pairs costs less than to move the features of the M K pairs that are asked for.
+    of all M L pairs costs less than gathering the features of the M K pairs.
     """
     if fusion == "elementwise_product":
         return previous[:, :, tf.newaxis, :] * group_point(current, neighbors)
@@ -43,48 +43,32 @@ def _unit(features: tf.Tensor) -> tf.Tensor:
 class AssociationHead(keras.layers.Layer):
     """For every point of t-1: its K nearest points of t, features fused, MLP, max over the K."""
 
-    def __init__(
-        self,
-        channels: int,
-        fusion: Fusion,
-        keeps_features: bool,
-        radius: float,
-        num_neighbors: int,
-        widths: tuple[int, ...],
-        momentum: float,
-        **kwargs,
-    ):
+    def __init__(self, channels: int, config: TrackerConfig, **kwargs):
         super().__init__(**kwargs)
-        self.fusion, self.radius, self.num_neighbors = fusion, radius, num_neighbors
-        self.has_features = keeps_features or fusion == "concat"
-        pair = {"concat": 0, "elementwise_product": channels}.get(fusion, 1)
+        self.fusion, self.radius = config.fusion, config.association_radius
+        self.num_neighbors = config.association_neighbors
+        self.has_features = config.fusion_keeps_features or self.fusion == "concat"
+        edges = {"concat": 0, "elementwise_product": channels}.get(self.fusion, 1)
         single = channels if self.has_features else 0
-        self.mlp = NeighborhoodMLP(
+        self.local = LocalPointNet(
             single,
-            widths,
-            momentum,
-            radius,
-            query_channels=single,
-            pair_channels=pair,
-            pair_size=PAIR_SIZE.get(fusion, NORMALIZED),
-            name="mlp",
+            config.association_widths,
+            config.batch_norm_momentum,
+            self.radius,
+            center_channels=single,
+            edge_channels=edges,
+            edge_size=EDGE_SIZE.get(self.fusion, NORMALIZED),
+            name="local",
         )
-        self.channels = self.mlp.channels
+        self.channels = self.local.channels
         self.built = True
 
-    def call(self, xyz_previous, features_previous, xyz, features, training: bool) -> tf.Tensor:
-        """Frame t-1 (B,M,3), (B,M,C) and frame t (B,L,3), (B,L,C) -> (B, M, widths[-1])."""
-        neighbors = neighbors_within(self.num_neighbors, self.radius, xyz, xyz_previous)
-        pair = None
+    def call(self, previous: Points, current: Points, training: bool) -> tf.Tensor:
+        """Points of frame t-1 (B, M, ...) and of frame t (B, L, ...) -> (B, M, widths[-1])."""
+        index = neighbors_within(self.num_neighbors, self.radius, current.xyz, previous.xyz)
+        edges = None
         if self.fusion != "concat":
-            pair = fuse(self.fusion, features_previous, features, neighbors)
-        kept = (features, features_previous) if self.has_features else (None, None)
-        return self.mlp(
-            xyz,
-            kept[0],
-            xyz_previous,
-            neighbors,
-            training=training,
-            query_features=kept[1],
-            pair_features=pair,
-        )
+            edges = fuse(self.fusion, previous.features, current.features, index)
+        if not self.has_features:
+            previous, current = Points(previous.xyz), Points(current.xyz)
+        return self.local(current, previous, index, training=training, edges=edges)

@@ -22,17 +22,17 @@ class BoxTargets(NamedTuple):
 
 
 def head_channels(config: BoxCodingConfig) -> int:
-    """C = 2 + 3 + 2 NH + 4 NS + NC (section III.1)."""
+    """C = 2 + 3 + 2 NH + 4 NS + NC (section III.1), and 1 for the predicted quality."""
     return sum(_head_sizes(config))
 
 
 def _head_sizes(config: BoxCodingConfig) -> tuple[int, ...]:
     heading, size = config.num_heading_bins, len(config.size_templates)
-    return (2, 3, heading, heading, size, 3 * size, len(config.classes))
+    return (2, 3, heading, heading, size, 3 * size, len(config.classes), int(config.quality))
 
 
 def split_head(head: tf.Tensor, config: BoxCodingConfig) -> list[tf.Tensor]:
-    """head (B, Q, C) -> the seven fields of BoxPredictions, in order."""
+    """head (B, Q, C) -> the fields of BoxPredictions, in order."""
     parts = tf.split(head, _head_sizes(config), axis=-1)
     templates = len(config.size_templates)
     shape = tf.concat([tf.shape(head)[:-1], [templates, 3]], 0)
@@ -73,6 +73,18 @@ def encode_boxes(
     )
 
 
+def decode_targets(points: tf.Tensor, targets: BoxTargets, config: BoxCodingConfig) -> tf.Tensor:
+    """The labelled box of each point, from its encoding: points (B, Q, 3) -> (B, Q, 7)."""
+    return _boxes(
+        points + targets.center_offset,
+        targets.heading_bin,
+        targets.heading_residual_normalized,
+        targets.size_template,
+        targets.size_residual_normalized,
+        config,
+    )
+
+
 def decode_boxes(points: tf.Tensor, predictions, config: BoxCodingConfig) -> tf.Tensor:
     """The box of largest heading and size score for each point.
 
@@ -82,13 +94,21 @@ def decode_boxes(points: tf.Tensor, predictions, config: BoxCodingConfig) -> tf.
     Returns:
         (B, Q, 7) boxes, level frame; yaw in [-pi, pi), sizes at least 0.1 m.
     """
-    width = 2 * np.pi / config.num_heading_bins
     heading_bin = tf.argmax(predictions.heading_scores, -1, output_type=tf.int32)
-    residual = tf.gather(predictions.heading_residual_normalized, heading_bin, batch_dims=2)
-    yaw = tf.cast(heading_bin, tf.float32) * width + residual * (width / 2)
-    yaw = tf.math.floormod(yaw + np.pi, 2 * np.pi) - np.pi
     template = tf.argmax(predictions.size_scores, -1, output_type=tf.int32)
-    residual = tf.gather(predictions.size_residual_normalized, template, batch_dims=2)
-    size = tf.gather(tf.constant(config.size_templates, tf.float32), template) * (1 + residual)
-    center = points + predictions.center_offset
+    return _boxes(
+        points + predictions.center_offset,
+        heading_bin,
+        tf.gather(predictions.heading_residual_normalized, heading_bin, batch_dims=2),
+        template,
+        tf.gather(predictions.size_residual_normalized, template, batch_dims=2),
+        config,
+    )
+
+
+def _boxes(center, heading_bin, heading_residual, template, size_residual, config) -> tf.Tensor:
+    width = 2 * np.pi / config.num_heading_bins
+    yaw = tf.cast(heading_bin, tf.float32) * width + heading_residual * (width / 2)
+    yaw = tf.math.floormod(yaw + np.pi, 2 * np.pi) - np.pi
+    size = tf.gather(tf.constant(config.size_templates, tf.float32), template) * (1 + size_residual)
     return tf.concat([center, tf.maximum(size, 0.1), yaw[..., tf.newaxis]], -1)

@@ -18,12 +18,12 @@ def note(default, text: str):
 
 @dataclass(frozen=True)
 class SetAbstractionConfig:
-    """One SA row of Table I; several radii make multi-scale grouping (MSG), one single-scale."""
+    """One SA row of Table I, single-scale grouping."""
 
     num_points: int
-    radii: tuple[float, ...]  # metres
-    num_neighbors: tuple[int, ...]  # 32 everywhere: open in the paper, PointNet++'s value
-    widths: tuple[tuple[int, ...], ...]
+    radius: float  # metres
+    widths: tuple[int, ...]
+    num_neighbors: int = 32  # open in the paper; PointNet++'s value
 
 
 @dataclass(frozen=True)
@@ -33,20 +33,13 @@ class SetUpconvConfig:
     The last width is the layer after pooling and the skip connection, as in FlowNet3D.
     """
 
-    radius: float  # metres; neighbours beyond it give way to the nearest
+    radius: float  # metres; neighbours outside are replaced by the nearest
     widths: tuple[int, ...]
     num_neighbors: int = 8  # FlowNet3D
 
 
 def _sa(num_points: int, radius: float, *widths: int) -> SetAbstractionConfig:
-    return SetAbstractionConfig(num_points, (radius,), (32,), (widths,))
-
-
-def multi_scale(layer: SetAbstractionConfig) -> SetAbstractionConfig:
-    """The same layer with two scales, radius / 2 and radius, each with half of the widths."""
-    (radius,), (widths,) = layer.radii, layer.widths
-    half = tuple(width // 2 for width in widths)
-    return SetAbstractionConfig(layer.num_points, (radius / 2, radius), (16, 32), (half, half))
+    return SetAbstractionConfig(num_points, radius, widths)
 
 
 @dataclass(frozen=True)
@@ -58,6 +51,9 @@ class BoxCodingConfig:
     size_templates: tuple[tuple[float, float, float], ...] = note(
         ((3.902, 1.620, 1.517), (4.935, 1.866, 2.167)),
         "NS templates (l, w, h) in metres: means over the labels of sequences 0001-0015",
+    )
+    quality: bool = note(
+        True, "predict the 3-D IoU of a point's box with its object (not in the paper: IoU-Net)"
     )
 
 
@@ -129,8 +125,9 @@ class DetectionLossWeights:
     h_cls: float = note(1.0, "L_h_cls")
     h_reg: float = note(1.0, "L_h_reg")
     s_cls: float = note(1.0, "L_s_cls")
-    s_reg: float = note(1.0, "L_s_reg")
+    s_reg: float = note(10.0, "L_s_reg; as a share of the template it is small (vans too short)")
     sem_cls: float = note(1.0, "L_sem_cls")
+    quality: float = note(1.0, "predicted 3-D IoU; not in the paper")
 
 
 @dataclass(frozen=True)

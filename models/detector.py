@@ -14,7 +14,8 @@ from models.feature_propagation import (
     InterpolationIndices,
     interpolation_indices,
 )
-from models.linear_norm import SharedMLP
+from models.layers import SharedMLP
+from models.local_pointnet import Points
 from models.set_abstraction import (
     SetAbstraction,
     SetAbstractionIndices,
@@ -43,10 +44,11 @@ class BoxPredictions(NamedTuple):
     size_scores: tf.Tensor  # (B, Q, NS) logits
     size_residual_normalized: tf.Tensor  # (B, Q, NS, 3) size / template - 1
     class_scores: tf.Tensor  # (B, Q, NC) logits
+    quality_logits: tf.Tensor  # (B, Q, 1) predicted 3-D IoU; (B, Q, 0) if not predicted
 
 
 class DetectorOutputs(NamedTuple):
-    """What the detector gives to losses, decoding and the tracker."""
+    """Outputs that losses, decoding and the tracker use."""
 
     boxes: BoxPredictions
     fc1: tf.Tensor  # (B, Q, 128)
@@ -127,9 +129,8 @@ class Detector(keras.Model):
             )
         upconv = [features[-1]]
         for i, block in enumerate(self.set_upconv):
-            coarse, fine = xyz[-1 - i], xyz[-2 - i]
-            skip, neighbors = features[-2 - i], inputs.upconv[i]
-            upconv.append(block(coarse, upconv[-1], fine, skip, neighbors, training=training))
+            coarse, fine = Points(xyz[-1 - i], upconv[-1]), Points(xyz[-2 - i], features[-2 - i])
+            upconv.append(block(coarse, fine, inputs.upconv[i], training=training))
         skip = point_features(inputs.query_xyz, kind)
         x = self.feature_propagation(upconv[-1], skip, inputs.propagation, training=training)
         fc1 = self.fc1(x, training=training)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import keras
 import tensorflow as tf
 
-from models.linear_norm import LinearNormReLU, SharedMLP
+from models.layers import LinearNormReLU, SharedMLP, linear
 from tf_ops import three_interpolate, three_nn
 
 
@@ -35,20 +35,19 @@ class FeaturePropagation(keras.layers.Layer):
         self, channels: int, skip_channels: int, widths: tuple[int, ...], momentum: float, **kwargs
     ):
         super().__init__(**kwargs)
-        parts = {"coarse": channels, "skip": skip_channels}
-        parts = {part: count for part, count in parts.items() if count}
-        self.first = LinearNormReLU(parts, widths[0], momentum, name="linear0")
+        inputs = {"coarse": channels, "skip": skip_channels}
+        inputs = {name: count for name, count in inputs.items() if count}
+        self.first = LinearNormReLU(inputs, widths[0], momentum, name="linear0")
         self.rest = SharedMLP(widths[0], widths[1:], momentum, name="rest")
         self.channels = widths[-1]
         self.built = True
 
     def call(self, coarse_features, skip, indices: InterpolationIndices, training: bool):
         """coarse_features (B, M, C), skip (B, N, S) or None -> (B, N, widths[-1])."""
-        projected = self.first.project("coarse", coarse_features, training)
-        if not training:  # the weights' sum is 1, so the bias may be added to the coarse points
-            projected += self.first.norm.scale_shift()[1]
-        x = three_interpolate(projected, indices.neighbors, indices.weights)
+        kernels, bias = self.first.affine(training)
+        x = linear(coarse_features, kernels["coarse"], bias)  # the weights' sum is 1: bias, too
+        x = three_interpolate(x, indices.neighbors, indices.weights)
         if skip is not None:
-            x += self.first.project("skip", skip, training)
-        x = self.first.finish(x, training) if training else tf.nn.relu(x)
+            x += linear(skip, kernels["skip"])
+        x = self.first.norm(x) if training else tf.nn.relu(x)
         return self.rest(x, training=training)

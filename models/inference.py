@@ -10,8 +10,9 @@ import tensorflow as tf
 from kitti.scans import sample_points
 from models.detections import DecodingConfig, Detections, propose, select
 from models.detector import Detector, detector_inputs
+from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
-from models.tracker import EncodedFrame, Tracker, kept_rows, tracker_inputs
+from models.tracker import EncodedFrame, TrackingNetwork
 
 
 class FrameState(NamedTuple):
@@ -27,18 +28,20 @@ class FrameState(NamedTuple):
 
 
 class StreamingNetwork:
-    """Detector and tracker, compiled once, fed frame by frame."""
+    """Detector and tracker, batch normalisation folded and compiled once, fed frame by frame."""
 
     def __init__(
         self,
         detector: Detector,
-        tracker: Tracker,
+        tracker: TrackingNetwork,
         decoding: DecodingConfig | None = None,
         seed: int = 0,
     ):
         self.detector, self.tracker = detector, tracker
         self.decoding = decoding or DecodingConfig()
         self.seed = seed
+        fold_batch_norm(detector)
+        fold_batch_norm(tracker)
         points = tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)
         self._detect = tf.function(self._detect_graph, input_signature=[points], jit_compile=False)
         self._associate = tf.function(tracker.displacement, jit_compile=False)
@@ -46,9 +49,9 @@ class StreamingNetwork:
     def _detect_graph(self, xyz):
         inputs = detector_inputs(xyz, self.detector.config)
         outputs = self.detector(inputs, training=False)
-        config, probability = self.tracker.config, foreground_probability(outputs.boxes.mask_logits)
-        frame = tracker_inputs(inputs, outputs, config)
-        kept = tf.gather(probability, kept_rows(inputs, outputs, config), batch_dims=1)
+        probability = foreground_probability(outputs.boxes.mask_logits)
+        frame = self.tracker.fused_features(inputs, outputs)
+        kept = tf.gather(probability, frame.rows, batch_dims=1)
         only = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
         proposals = propose(xyz[0], only, self.detector.config.box, self.decoding.min_probability)
         return proposals, probability, frame, kept, self.tracker.encode(frame)

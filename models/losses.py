@@ -65,6 +65,17 @@ def semantic_class_loss(scores, classes, weights, normalizer, gamma) -> tf.Tenso
     return weighted_mean(focal_loss(scores, classes, gamma), weights, normalizer)
 
 
+def quality_loss(logits, iou, weights) -> tf.Tensor:
+    """Cross entropy of the predicted quality, 0 where exact; not in the paper (after IoU-Net).
+
+    logits (B, Q, 1), iou (B, Q) 3-D IoU of the decoded box with the object of its point, 0 on
+    background; weights (B, Q), divided by their sum over the joint batch.
+    """
+    cross = tf.nn.sigmoid_cross_entropy_with_logits(labels=iou, logits=logits[..., 0])
+    entropy = -tf.math.xlogy(iou, iou) - tf.math.xlogy(1.0 - iou, 1.0 - iou)
+    return tf.reduce_sum((cross - entropy) * weights)
+
+
 def detection_losses(
     predictions,
     targets,

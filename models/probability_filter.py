@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import tensorflow as tf
 
-from tf_ops import gather_point
-
 
 def foreground_probability(mask_logits: tf.Tensor) -> tf.Tensor:
     """(B, N, 2) -> (B, N)."""
@@ -21,8 +19,3 @@ def probability_filter(mask_logits: tf.Tensor, num_kept: int) -> tf.Tensor:
     order = tf.math.top_k(margin, tf.minimum(tf.shape(margin)[1], num_kept)).indices
     repeated = tf.range(num_kept) % tf.shape(order)[1]
     return tf.ensure_shape(tf.gather(order, repeated, axis=1), [margin.shape[0], num_kept])
-
-
-def keep(rows: tf.Tensor, *values: tf.Tensor) -> tuple[tf.Tensor, ...]:
-    """Each of values (B, N, C) -> (B, N', C) by rows (B, N')."""
-    return tuple(gather_point(value, rows) for value in values)

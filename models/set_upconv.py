@@ -6,18 +6,18 @@ import keras
 import tensorflow as tf
 
 from models.config import SetUpconvConfig
-from models.linear_norm import LinearNormReLU
-from models.neighborhood import NeighborhoodMLP
+from models.layers import LinearNormReLU
+from models.local_pointnet import LocalPointNet, Points
 from tf_ops import knn_point
 
 
-def neighbors_within(k: int, radius: float, source_xyz: tf.Tensor, query_xyz: tf.Tensor):
-    """The k nearest source points of each query point; those beyond radius give way to the nearest.
+def neighbors_within(k: int, radius: float, neighbor_xyz: tf.Tensor, center_xyz: tf.Tensor):
+    """The k nearest neighbours; those outside the radius are replaced by the nearest.
 
-    source_xyz (B, N, 3), query_xyz (B, M, 3) metres -> (B, M, k) int32.
+    neighbor_xyz (B, N, 3), center_xyz (B, M, 3) metres -> (B, M, k) int32 rows of neighbor_xyz.
     """
-    dist2, neighbors = knn_point(k, source_xyz, query_xyz)
-    return tf.where(dist2 <= radius * radius, neighbors, neighbors[:, :, :1])
+    dist2, index = knn_point(k, neighbor_xyz, center_xyz)
+    return tf.where(dist2 <= radius * radius, index, index[:, :, :1])
 
 
 class SetUpconv(keras.layers.Layer):
@@ -28,17 +28,20 @@ class SetUpconv(keras.layers.Layer):
     ):
         super().__init__(**kwargs)
         *widths, last = config.widths
-        self.pooling = NeighborhoodMLP(
-            channels, tuple(widths), momentum, config.radius, name="pooling"
-        )
-        parts = {"pooled": self.pooling.channels, "skip": skip_channels}
-        parts = {part: count for part, count in parts.items() if count}
-        self.last = LinearNormReLU(parts, last, momentum, name="last")
+        self.local = LocalPointNet(channels, tuple(widths), momentum, config.radius, name="local")
+        inputs = {"pooled": self.local.channels, "skip": skip_channels}
+        inputs = {name: count for name, count in inputs.items() if count}
+        self.last = LinearNormReLU(inputs, last, momentum, name="last")
         self.channels = last
         self.built = True
 
-    def call(self, coarse_xyz, coarse_features, fine_xyz, skip, neighbors, training: bool):
-        """coarse (B,M,3), (B,M,C); fine_xyz (B,N,3); skip (B,N,S) or None -> (B, N, channels)."""
-        pooled = self.pooling(coarse_xyz, coarse_features, fine_xyz, neighbors, training=training)
-        inputs = {"pooled": pooled} if skip is None else {"pooled": pooled, "skip": skip}
+    def call(self, coarse: Points, fine: Points, index, training: bool):
+        """coarse (B, M, ...), fine (B, N, ...), index (B, N, K) int32 -> (B, N, channels).
+
+        The features of `fine` are the skip connection.
+        """
+        pooled = self.local(coarse, Points(fine.xyz), index, training=training)
+        inputs = {"pooled": pooled}
+        if fine.features is not None:
+            inputs["skip"] = fine.features
         return self.last(inputs, training=training)

@@ -8,160 +8,122 @@ import keras
 import tensorflow as tf
 
 from models.association_head import AssociationHead
+from models.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import DetectorInputs, DetectorOutputs
-from models.feature_propagation import FeaturePropagation, interpolation_indices
-from models.linear_norm import SharedMLP
-from models.probability_filter import keep, probability_filter
+from models.feature_propagation import interpolation_indices
+from models.local_pointnet import Points
+from models.probability_filter import probability_filter
+from models.refinement import Refinement
 from models.set_abstraction import SetAbstraction, set_abstraction_indices
-from models.set_upconv import SetUpconv, neighbors_within
-from tf_ops import three_interpolate
+from tf_ops import gather_point, three_interpolate
 
 
 class TrackerInputs(NamedTuple):
     """The detector's points and features of one frame that enter the tracker (Table IV)."""
 
+    rows: tf.Tensor  # (B, N') int32, rows of the detector's N points
     xyz: tf.Tensor  # (B, N', 3) metres, level frame
     features: tf.Tensor  # (B, N', C)
 
 
 class EncodedFrame(NamedTuple):
-    """One frame after TSA1 and TSA2; on a stream it serves two pairs."""
+    """One frame after the tracker's SA1 and SA2; on a stream it serves two pairs."""
 
-    xyz: tuple[tf.Tensor, tf.Tensor, tf.Tensor]  # kept points, TSA1, TSA2
-    features: tuple[tf.Tensor, tf.Tensor]  # TSA1 (B, 2048, 64), TSA2 (B, 512, 128)
-    rows: tf.Tensor  # (B, 512) int32, the points of TSA2 among those kept
-
-
-def halves(encoded: EncodedFrame) -> tuple[EncodedFrame, EncodedFrame]:
-    """B frames t-1 and then their B frames t, as one batch -> the two, apart."""
-    pairs = tf.shape(encoded.rows)[0] // 2
-    return (
-        tf.nest.map_structure(lambda x: x[:pairs], encoded),
-        tf.nest.map_structure(lambda x: x[pairs:], encoded),
-    )
+    kept_xyz: tf.Tensor  # (B, N', 3)
+    level1: Points  # SA1: (B, 2048, 3), (B, 2048, 64)
+    level2: Points  # SA2: (B, 512, 3), (B, 512, 128)
+    rows: tf.Tensor  # (B, 512) int32, the points of SA2 among those kept
 
 
-def swapped(encoded: EncodedFrame) -> EncodedFrame:
-    """B frames t-1 and then their B frames t, as one batch: the two halves change places."""
-    return tf.nest.map_structure(lambda x: tf.roll(x, tf.shape(x)[0] // 2, 0), encoded)
+class FusedFeatures:
+    """One row of Table IV: which points and features of the detector enter the tracker.
 
-
-def kept_rows(inputs: DetectorInputs, outputs: DetectorOutputs, config: TrackerConfig):
-    """Rows (B, N') int32 of level 0 that enter the tracker; the detector was asked at level 0.
-
-    filter+...: the N' points that the probability filter keeps. DSA2+DFP2, DSA3+DFP3: the points
-    of the set upconv layer (those of SA2 and of SA1).
+    filter+FC1, filter+FC2: the N' points that the probability filter keeps, with the features of
+    that layer. DSA2+DFP2, DSA3+DFP3: the points of that set upconv layer, with its features beside
+    those of the abstraction layer, which are interpolated where their points differ (DSA3 has 128
+    points, DFP3 2048).
     """
-    if config.fused_features.startswith("filter"):
-        return probability_filter(outputs.boxes.mask_logits, config.num_kept_points)
-    rows = inputs.abstraction[0].sampled
-    if config.fused_features == "DSA2+DFP2":
-        rows = tf.gather(rows, inputs.abstraction[1].sampled, batch_dims=1)
-    return rows
+
+    def __init__(self, config: TrackerConfig):
+        self.name, self.num_kept = config.fused_features, config.num_kept_points
+        self.filtered = self.name.startswith("filter")
+        self.level = 2 if self.name == "DSA2+DFP2" else 3
+
+    def channels(self, detector: DetectorConfig) -> int:
+        """C of `TrackerInputs.features`."""
+        if self.name == "filter+FC1":
+            return detector.fc1_width
+        if self.name == "filter+FC2":
+            return head_channels(detector.box)
+        abstraction = detector.set_abstraction[self.level - 1]
+        return abstraction.widths[-1] + detector.set_upconv[self.level - 1].widths[-1]
+
+    def __call__(self, inputs: DetectorInputs, outputs: DetectorOutputs) -> TrackerInputs:
+        """Selects points and features; the detector's query points are all N points."""
+        if self.filtered:
+            rows = probability_filter(outputs.boxes.mask_logits, self.num_kept)
+            features = outputs.fc1 if self.name == "filter+FC1" else outputs.fc2
+            return TrackerInputs(
+                rows, gather_point(inputs.query_xyz, rows), gather_point(features, rows)
+            )
+        rows = inputs.abstraction[0].sampled
+        if self.level == 2:
+            rows = tf.gather(rows, inputs.abstraction[1].sampled, batch_dims=1)
+        xyz = inputs.level_xyz[4 - self.level]
+        abstraction = outputs.abstraction[self.level - 1]
+        if self.level == 3:
+            indices = interpolation_indices(xyz, inputs.level_xyz[self.level])
+            abstraction = three_interpolate(abstraction, indices.neighbors, indices.weights)
+        features = tf.concat([abstraction, outputs.upconv[self.level - 1]], -1)
+        return TrackerInputs(rows, xyz, features)
 
 
-def tracker_inputs(inputs: DetectorInputs, outputs: DetectorOutputs, config: TrackerConfig):
-    """The points and features that the rows of Table IV fuse.
+class TrackingNetwork(keras.Model):
+    """Association module (SA1, SA2, association head) and refinement module."""
 
-    DSAi+DFPi: the features of the set upconv layer beside those of the abstraction layer, which
-    are interpolated where their points differ (DSA3 has 128 points, DFP3 2048).
-    """
-    if config.fused_features.startswith("filter"):
-        rows = kept_rows(inputs, outputs, config)
-        features = outputs.fc1 if config.fused_features == "filter+FC1" else outputs.fc2
-        return TrackerInputs(*keep(rows, inputs.query_xyz, features))
-    layer = 2 if config.fused_features == "DSA2+DFP2" else 3
-    abstraction, upconv = outputs.abstraction[layer - 1], outputs.upconv[layer - 1]
-    xyz = inputs.level_xyz[4 - layer]
-    if layer == 3:
-        indices = interpolation_indices(xyz, inputs.level_xyz[layer])
-        abstraction = three_interpolate(abstraction, indices.neighbors, indices.weights)
-    return TrackerInputs(xyz, tf.concat([abstraction, upconv], -1))
-
-
-def tracker_channels(config: TrackerConfig, detector: DetectorConfig, head_channels: int) -> int:
-    """Channels of TrackerInputs.features."""
-    if config.fused_features == "filter+FC1":
-        return detector.fc1_width
-    if config.fused_features == "filter+FC2":
-        return head_channels
-    level = 2 if config.fused_features == "DSA2+DFP2" else 3
-    widths = detector.set_abstraction[level - 1].widths
-    return sum(w[-1] for w in widths) + detector.set_upconv[level - 1].widths[-1]
-
-
-class Tracker(keras.Model):
-    """Association module (SA1, SA2, head) and refinement module (SA3, FP1 to FP3, FC1, FC2)."""
-
-    def __init__(self, channels: int, config: TrackerConfig, **kwargs):
+    def __init__(self, detector: DetectorConfig, config: TrackerConfig, **kwargs):
         super().__init__(name="tracker", **kwargs)
-        self.config, self.in_channels = config, channels
-        momentum = config.batch_norm_momentum
+        self.config, momentum = config, config.batch_norm_momentum
+        self.fused_features = FusedFeatures(config)
         sa1, sa2 = config.set_abstraction
-        fp1, fp2 = config.refinement_upconv
+        channels = self.fused_features.channels(detector)
         self.sa1 = SetAbstraction(channels, sa1, momentum, name="sa1")
         self.sa2 = SetAbstraction(self.sa1.channels, sa2, momentum, name="sa2")
-        self.association = AssociationHead(
-            self.sa2.channels,
-            config.fusion,
-            config.fusion_keeps_features,
-            config.association_radius,
-            config.association_neighbors,
-            config.association_widths,
-            momentum,
-            name="association",
+        self.association = AssociationHead(self.sa2.channels, config, name="association")
+        self.refinement = Refinement(
+            self.association.channels, self.sa1.channels, config, name="refinement"
         )
-        channels = self.association.channels
-        self.sa3 = SetAbstraction(channels, config.refinement_abstraction, momentum, name="sa3")
-        self.fp1 = SetUpconv(self.sa3.channels, channels, fp1, momentum, name="fp1")
-        self.fp2 = SetUpconv(self.fp1.channels, self.sa1.channels, fp2, momentum, name="fp2")
-        self.fp3 = FeaturePropagation(
-            self.fp2.channels, 0, config.propagation_widths, momentum, name="fp3"
-        )
-        self.fc1 = SharedMLP(self.fp3.channels, (config.fc1_width,), momentum, name="fc1")
-        self.fc2 = keras.layers.Dense(3, name="fc2")
-        self.fc2.build((None, config.fc1_width))
         self.built = True
 
     def encode(self, frame: TrackerInputs, training: bool = False) -> EncodedFrame:
-        """TSA1 and TSA2 of one frame; the weights are shared by both frames."""
+        """SA1 and SA2 of one frame; the weights are shared by both frames."""
         sa1, sa2 = self.config.set_abstraction
         indices1, xyz1 = set_abstraction_indices(frame.xyz, sa1)
         indices2, xyz2 = set_abstraction_indices(xyz1, sa2)
         features1 = self.sa1(frame.xyz, frame.features, xyz1, indices1, training=training)
         features2 = self.sa2(xyz1, features1, xyz2, indices2, training=training)
         rows = tf.gather(indices1.sampled, indices2.sampled, batch_dims=1)
-        return EncodedFrame((frame.xyz, xyz1, xyz2), (features1, features2), rows)
+        return EncodedFrame(frame.xyz, Points(xyz1, features1), Points(xyz2, features2), rows)
 
     def associate(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
-        """The association head's features (B, 512, 128) of the points of TSA2 of frame t-1."""
-        return self.association(
-            previous.xyz[2],
-            previous.features[1],
-            current.xyz[2],
-            current.features[1],
-            training=training,
-        )
+        """The points of SA2 of frame t-1 with the association head's features (B, 512, 128)."""
+        features = self.association(previous.level2, current.level2, training=training)
+        return Points(previous.level2.xyz, features)
 
-    def refine(self, previous: EncodedFrame, embedding: tf.Tensor, training: bool = False):
-        """Association displacement (B, N', 3) of the kept points, from the head's features."""
-        kept, xyz1, xyz2 = previous.xyz
-        indices3, xyz3 = set_abstraction_indices(xyz2, self.config.refinement_abstraction)
-        x = self.sa3(xyz2, embedding, xyz3, indices3, training=training)
-        fp1, fp2 = self.config.refinement_upconv
-        neighbors = neighbors_within(fp1.num_neighbors, fp1.radius, xyz3, xyz2)
-        x = self.fp1(xyz3, x, xyz2, embedding, neighbors, training=training)
-        neighbors = neighbors_within(fp2.num_neighbors, fp2.radius, xyz2, xyz1)
-        x = self.fp2(xyz2, x, xyz1, previous.features[0], neighbors, training=training)
-        x = self.fp3(x, None, interpolation_indices(kept, xyz1), training=training)
-        return self.fc2(self.fc1(x, training=training))
+    def refine(self, previous: EncodedFrame, association: Points, training: bool = False):
+        """Association displacement (B, N', 3), metres, from the association head's features."""
+        return self.refinement(previous.kept_xyz, previous.level1, association, training=training)
 
     def displacement(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
         """Association displacement (B, N', 3), metres, of the kept points of frame t-1."""
         return self.refine(previous, self.associate(previous, current, training), training)
 
     def call(self, previous: TrackerInputs, current: TrackerInputs, training: bool = False):
-        """Two frames -> displacement (B, N', 3); both are encoded as one batch."""
-        both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(previous, current, strict=True)))
-        return self.displacement(*halves(self.encode(both, training)), training)
+        """Two frames -> association displacement (B, N', 3); both are encoded as one batch."""
+        both = tf.nest.map_structure(lambda a, b: tf.concat([a, b], 0), previous, current)
+        encoded = self.encode(both, training)
+        pairs = tf.shape(previous.xyz)[0]
+        first = tf.nest.map_structure(lambda x: x[:pairs], encoded)
+        second = tf.nest.map_structure(lambda x: x[pairs:], encoded)
+        return self.displacement(first, second, training)

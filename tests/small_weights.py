@@ -11,10 +11,10 @@ def write_weights(folder: Path, seed: int = 0) -> Path:
     from network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
     from common.config import to_dict
-    from models.box_coding import head_channels
+    from models import checkpoint
     from models.detector import Detector
-    from models.tracker import Tracker, tracker_channels
-    from training import checkpoint
+    from models.tracker import TrackingNetwork
+    from models.weights import network_hash
     from training.config import DetectorTrainingConfig, TrackerTrainingConfig
 
     keras.utils.set_random_seed(seed)
@@ -25,14 +25,18 @@ def write_weights(folder: Path, seed: int = 0) -> Path:
     bias[31:34] = 2.0  # which are three times as large, so that they overlap and score well
     detector.fc2.bias.assign(bias)
     detector.fc2.kernel.assign(0.05 * detector.fc2.kernel.numpy())
-    channels = tracker_channels(SMALL_TRACKER, SMALL_DETECTOR, head_channels(SMALL_DETECTOR.box))
-    tracker = Tracker(channels, SMALL_TRACKER)
-    meta = {"kind": "detector", "config": to_dict(DetectorTrainingConfig(SMALL_DETECTOR))}
-    checkpoint.save(folder / "detector.npz", meta, model=detector.weights)
+    tracker = TrackingNetwork(SMALL_DETECTOR, SMALL_TRACKER)
+    meta = {
+        "kind": "detector",
+        "network": to_dict(SMALL_DETECTOR),
+        "config": to_dict(DetectorTrainingConfig(SMALL_DETECTOR)),
+    }
+    checkpoint.save(folder / "detector.npz", meta, model=checkpoint.named_variables(detector))
     meta = {
         "kind": "tracker",
+        "network": to_dict(SMALL_TRACKER),
         "config": to_dict(TrackerTrainingConfig(SMALL_TRACKER)),
-        "detector_sha256": checkpoint.content_hash(detector.weights),
+        "detector_sha256": network_hash(detector),
     }
-    checkpoint.save(folder / "tracker.npz", meta, model=tracker.weights)
+    checkpoint.save(folder / "tracker.npz", meta, model=checkpoint.named_variables(tracker))
     return folder

@@ -167,10 +167,10 @@ def test_make_runs_what_the_documents_say():
 def _trace_once(monkeypatch):
     """These commands use the same weights: their graphs are made once, which takes most time."""
     from models.inference import StreamingNetwork
-    from training.weights import load_networks
+    from models.weights import load_networks
 
     load, build = functools.cache(load_networks), functools.cache(StreamingNetwork)
-    for module in ("evaluation.network", "training.weights"):
+    for module in ("evaluation.network", "models.weights"):
         monkeypatch.setattr(f"{module}.load_networks", load)
     for module in ("evaluation.network", "models.inference"):
         monkeypatch.setattr(f"{module}.StreamingNetwork", build)

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from common.config import add_flags, from_flags
-from common.errors import InputError
 from common.flags import ArgumentParser
 
 STRATEGIES = ("one", "mirrored", "multiworker")
@@ -35,13 +34,6 @@ def parser(description: str, config) -> ArgumentParser:
     add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
     add("--resume", action="store_true", help="go on where the training in --workdir stopped")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
-    add(
-        "--fresh",
-        type=lambda text: text.split(","),
-        default=[],
-        metavar="LAYERS",
-        help="layers, like fp2,fc1, that start from random weights nevertheless",
-    )
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
     add("--deterministic", action="store_true", help="the same bits in every run")
     add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
@@ -90,10 +82,6 @@ def train(flags, make_task, config) -> int:
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
 
-    if config.schedule.frozen_batch_norm and not (flags.init or flags.resume):
-        raise InputError("--schedule.frozen_batch_norm needs --init, which brings the averages")
-    if flags.fresh and not (flags.init or flags.resume):
-        raise InputError("--fresh needs --init, whose other layers are kept")
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():
         prepare_workdir(workdir, flags.resume)
@@ -104,11 +92,11 @@ def train(flags, make_task, config) -> int:
         lambda: make_task(config, training, validation),
         strategy,
         workdir,
-        {**record, "init": flags.init, "fresh": flags.fresh},
+        {**record, "init": flags.init},
     )
     if flags.init and not flags.resume:
         with strategy.scope():
-            start_from(flags.init, run, flags.fresh)
+            start_from(flags.init, run)
     try:
         run_training(run, flags.resume)
     except TrainingDivergedError as error:
@@ -117,19 +105,12 @@ def train(flags, make_task, config) -> int:
     return 0
 
 
-def start_from(path: str, run, fresh: list[str]) -> None:
-    """Assigns the network of a checkpoint, and its read-out if it has one, but not `fresh`."""
-    from training import checkpoint
+def start_from(path: str, run) -> None:
+    """Assigns the network of a checkpoint, and the auxiliary variables if it has them."""
+    from models import checkpoint
 
-    layers = {layer.name: layer for layer in run.task.model.layers}
-    unknown = [name for name in fresh if name not in layers]
-    if unknown:
-        raise InputError(f"--fresh: expected layers among {','.join(layers)}, found {unknown}")
-    kept = {name: layers[name].get_weights() for name in fresh}
     _, arrays = checkpoint.load(path)
-    groups = {"model": run.task.model.weights}
-    if any(name.startswith("auxiliary/") for name in arrays):
-        groups["auxiliary"] = run.task.auxiliary
+    groups = run.networks
+    if not any(name.startswith("auxiliary/") for name in arrays):
+        del groups["auxiliary"]
     checkpoint.restore(path, arrays, **groups)
-    for name, weights in kept.items():
-        layers[name].set_weights(weights)

@@ -30,7 +30,7 @@ class AugmentationConfig:
 
 @dataclass(frozen=True)
 class ScheduleConfig:
-    """Optimiser and length of a training."""
+    """Optimizer and length of a training."""
 
     epochs: int = note(16, "length of the training")
     frames_per_epoch: int = note(0, "samples in an epoch; 0: all of them")
@@ -41,10 +41,10 @@ class ScheduleConfig:
     beta1: float = note(0.9, "Adam")
     beta2: float = note(0.999, "Adam")
     epsilon: float = note(1e-8, "Adam")
-    frozen_batch_norm: bool = note(
-        False,
-        "normalise by the moving averages that --init brings, which stay as they are, instead of "
-        "the moments of the batch, which of a few frames are far from them",
+    frozen_batch_norm_from: float = note(
+        0.75,
+        "share of the training after which batch normalisation uses its moving averages, frozen, "
+        "as at inference; the moments of a few frames are far from those of all; 1: never",
     )
     clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
@@ -80,8 +80,8 @@ class TrackerTrainingConfig:
     loss: TrackingLossWeights = field(default_factory=TrackingLossWeights)
     deep_supervision: float = note(
         1.0,
-        "weight of equation (5) on a linear read-out of the association head's features, which is "
-        "part of the training alone; 0: none",
+        "weight of equation (5) on a linear head on the association features, in training alone; "
+        "0: none",
     )
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     schedule: ScheduleConfig = field(default_factory=lambda: ScheduleConfig(batch_size=6))

@@ -1,4 +1,4 @@
-"""What training the detector means: samples, losses and validation figures."""
+"""Detector training: samples, losses, validation metrics."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import tensorflow as tf
 
 from common.config import to_dict
 from kitti.iou import iou_3d
+from models.box_coding import decode_boxes, decode_targets
 from models.detections import DecodingConfig, decode_detections
-from models.detector import Detector, DetectorInputs, detector_inputs
-from models.losses import detection_losses, total_loss
+from models.detector import BoxPredictions, Detector, DetectorInputs, detector_inputs
+from models.losses import detection_losses, quality_loss, total_loss
+from models.probability_filter import foreground_probability
+from tf_ops import box_iou_3d
 from training.config import DetectorTrainingConfig
 from training.frames import FrameReader, frame_list
 from training.samples import DetectorSample, make_detector_sample, no_augmentation
@@ -19,10 +22,12 @@ from training.samples import DetectorSample, make_detector_sample, no_augmentati
 # The focal loss of the mask is divided by the number of foreground points, as its paper divides by
 # the matched anchors; below this share of all points (a batch without vehicles) by that share.
 LEAST_FOREGROUND = 0.01
+# Background points of at least this foreground probability propose boxes; their quality is 0.
+PROPOSING = 0.1
 
 
 class DetectorBatch(NamedTuple):
-    """What a training step of the detector takes."""
+    """Input of one training step of the detector."""
 
     inputs: DetectorInputs
     sample: DetectorSample
@@ -42,17 +47,18 @@ class DetectorTask:
     """The detector graph with its losses, equations (2) to (4)."""
 
     kind = "detector"
-    best_figure, best_is_largest = "box_f1_0.5", True
+    best_metric, best_is_largest = "box_f1_0.5", True
 
     def __init__(self, config: DetectorTrainingConfig, sequences, validation):
         self.config, self.schedule = config, config.schedule
-        self.model, self.meta = Detector(config.detector), {}
-        self.auxiliary = []
+        self.model = Detector(config.detector)
+        self.meta = {"network": to_dict(config.detector)}
+        self.auxiliary: dict = {}
         classes = config.detector.box.classes
         self.reader, self.items = FrameReader(sequences, classes), frame_list(sequences)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = frame_list(validation)
-        self.weights = to_dict(config.loss)
+        self.loss_weights = to_dict(config.loss)
         self.decoding = DecodingConfig()
 
     def make(self, index: int, position: int) -> DetectorSample:
@@ -63,7 +69,7 @@ class DetectorTask:
         )
 
     def make_validation(self, index: int, _position: int) -> DetectorSample:
-        """A sample without augmentation; the same whenever it is asked for."""
+        """A sample without augmentation; the same each time."""
         return make_detector_sample(
             self.validation_reader,
             self.validation_items[index],
@@ -99,7 +105,26 @@ class DetectorTask:
             box_sum,
             self.config.focal_gamma,
         )
-        return {"loss": total_loss(terms, self.weights), **terms}
+        if self.config.detector.box.quality:
+            terms["quality"] = self._quality(outputs.boxes, sample)
+        return {"loss": total_loss(terms, self.loss_weights), **terms}
+
+    def _quality(self, boxes: BoxPredictions, sample: DetectorSample) -> tf.Tensor:
+        """The quality loss over the points that propose a box, foreground and likely background."""
+        box, foreground = self.config.detector.box, sample.foreground > 0
+        rows = tf.where(foreground)
+        chosen, targets, points = tf.nest.map_structure(
+            lambda x: tf.gather_nd(x, rows)[:, tf.newaxis], (boxes, sample.targets, sample.query)
+        )
+        iou = box_iou_3d(
+            tf.stop_gradient(decode_boxes(points, chosen, box)),
+            decode_targets(points, targets, box),
+        )
+        iou = tf.scatter_nd(rows, iou[:, 0, 0], tf.shape(foreground, tf.int64))
+        proposing = foreground | (foreground_probability(boxes.mask_logits) >= PROPOSING)
+        weights = tf.cast(proposing, tf.float32) * sample.mask_weights
+        (total,) = joint(tf.reduce_sum(weights))
+        return quality_loss(boxes.quality_logits, iou, tf.math.divide_no_nan(weights, total))
 
     def validation_step(self, batch: DetectorBatch) -> list[tf.Tensor]:
         """Counts of the mask, and the predictions that are decoded outside the graph."""
@@ -112,7 +137,7 @@ class DetectorTask:
         return [both, either, predictions]
 
     def validate(self, batches) -> dict[str, float]:
-        """Figures over (positions, batch, step output): mask IoU, box recall and precision."""
+        """Mask IoU, box recall and precision over (positions, batch, output of validation_step)."""
         both = either = hits = boxes = found = 0.0
         for indices, batch, (one, other, predictions) in batches:
             both, either = both + float(one), either + float(other)

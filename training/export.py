@@ -14,17 +14,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import keras
+
 from common.files import write_bytes, write_json, write_text
 from common.flags import ArgumentParser, run
-from training import checkpoint
-from training.weights import load_detector, load_tracker
+from models import checkpoint
+from models.weights import load_detector, load_tracker
 
 
-def export(path: str | Path, variables, out: Path) -> dict[str, Any]:
+def export(path: str | Path, network: keras.Model, out: Path) -> dict[str, Any]:
     """Writes out.npz, out.json and the history from the checkpoint at `path`; returns its meta."""
     meta, _ = checkpoint.load(path)
     meta.pop("format")
-    checkpoint.save(out.with_suffix(".npz"), meta, model=variables)
+    checkpoint.save(out.with_suffix(".npz"), meta, model=checkpoint.named_variables(network))
     write_json(out.with_suffix(".json"), meta)
     history = Path(path).parent.parent / "history.csv"
     if history.is_file():
@@ -46,7 +48,7 @@ def describe(meta: dict[str, Any]) -> str:
         "started from": record["data"].get("init") or "random weights",
         "training data": _ranges(record["data"]["training"]),
         "validation data": _ranges(record["data"]["validation"]),
-        **{name: f"{value:.4g}" for name, value in meta["figures"].items()},
+        **{name: f"{value:.4g}" for name, value in meta["metrics"].items()},
     }
     lines = [f"| {meta['kind']} | |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in rows.items()), ""])
@@ -77,8 +79,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     detector = load_detector(flags.detector)
     tracker = load_tracker(flags.tracker, detector)
     metas = [
-        export(flags.detector, detector.weights, flags.out / "detector"),
-        export(flags.tracker, tracker.weights, flags.out / "tracker"),
+        export(flags.detector, detector, flags.out / "detector"),
+        export(flags.tracker, tracker, flags.out / "tracker"),
     ]
     write_text(flags.out / "training.md", "\n".join(map(describe, metas)))
     print(f"written to {flags.out}")

@@ -16,11 +16,12 @@ from common.errors import InputError
 from common.files import write_json
 from common.progress import Progress
 from common.provenance import provenance
-from training import checkpoint
-from training.checkpoint import CheckpointFolder
+from models import checkpoint
+from training.checkpoint_folder import CheckpointFolder
 from training.learning_rate import CyclicalLearningRate
 from training.logs import History, TensorBoard
 from training.pipeline import Order, dataset, micro_batches
+from training.task import TrainingTask
 
 
 class TrainingDivergedError(RuntimeError):
@@ -28,10 +29,10 @@ class TrainingDivergedError(RuntimeError):
 
 
 @dataclass
-class Run:
-    """A training under way: task, optimiser, strategy and where it writes."""
+class TrainingRun:
+    """A training under way: task, optimizer, strategy, output folder."""
 
-    task: object  # DetectorTask or TrackerTask; `auxiliary`: weights that only training needs
+    task: TrainingTask
     optimizer: keras.optimizers.Optimizer
     strategy: tf.distribute.Strategy
     order: Order
@@ -39,22 +40,53 @@ class Run:
     chief: bool
     started: dict
 
+    def __post_init__(self):
+        self.validation_step = tf.function(self.task.validation_step, jit_compile=False)
+
     @property
-    def groups(self) -> dict:
-        """What a checkpoint holds."""
-        return {
-            "model": self.task.model.weights,
-            "auxiliary": self.task.auxiliary,
-            "optimizer": self.optimizer.variables,
+    def networks(self) -> dict[str, checkpoint.Variables]:
+        """Groups of a checkpoint without the optimizer's state."""
+        model = checkpoint.named_variables(self.task.model)
+        return {"model": model, "auxiliary": self.task.auxiliary}
+
+    @property
+    def groups(self) -> dict[str, checkpoint.Variables]:
+        """Groups of a checkpoint from which training goes on."""
+        return {**self.networks, "optimizer": self._optimizer_state()}
+
+    def _optimizer_state(self) -> checkpoint.Variables:
+        """Adam's variables, its moments named by the path of the variable they belong to."""
+        paths = {
+            id(v): f"{group}/{name}"
+            for group, variables in self.networks.items()
+            for name, v in variables.items()
         }
+        owners = [paths[id(v)] for v in self.variables]
+        moments = self.optimizer.variables[-2 * len(owners) :]
+        state = {v.name: v for v in self.optimizer.variables[: -2 * len(owners)]}
+        for i, variable in enumerate(moments):
+            kind = variable.name.rsplit("_", 1)[-1]
+            if kind != ("momentum", "velocity")[i % 2]:
+                raise RuntimeError(f"unexpected optimizer variable {variable.path}")
+            state[f"{owners[i // 2]}/{kind}"] = variable
+        return state
 
     @property
-    def variables(self) -> list:
-        """What is trained."""
-        return self.task.model.trainable_variables + self.task.auxiliary
+    def variables(self) -> list[keras.Variable]:
+        """Trained variables."""
+        return self.task.model.trainable_variables + list(self.task.auxiliary.values())
+
+    @property
+    def frozen_from(self) -> int:
+        """First step that uses the frozen moving averages of batch normalisation."""
+        schedule = self.task.schedule
+        steps = schedule.epochs * self.order.steps_per_epoch
+        return math.ceil(schedule.frozen_batch_norm_from * steps)
 
 
-def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict) -> Run:
+def start(
+    make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict
+) -> TrainingRun:
     """Builds task and optimiser under the strategy; `data` describes the data for the record."""
     with strategy.scope():
         task = make_task()
@@ -82,7 +114,7 @@ def start(make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data
         data=data,
         parameters=int(sum(np.prod(v.shape) for v in task.model.trainable_variables)),
     )
-    run = Run(task, optimizer, strategy, order, Path(workdir), chief, started)
+    run = TrainingRun(task, optimizer, strategy, order, Path(workdir), chief, started)
     with strategy.scope():
         optimizer.build(run.variables)
     return run
@@ -106,8 +138,8 @@ def prepare_workdir(workdir: Path, resume: bool) -> None:
         raise InputError("nothing to resume here: expected config.json", workdir)
 
 
-def run_training(run: Run, resume: bool = False) -> dict[str, float]:
-    """Trains to the configured number of epochs; returns the last epoch's figures.
+def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
+    """Trains to the configured number of epochs; returns the last epoch's metrics.
 
     Raises:
         InputError: the workdir is used (or not, with resume), or its checkpoint does not fit.
@@ -128,24 +160,24 @@ def run_training(run: Run, resume: bool = False) -> dict[str, float]:
     per_epoch = run.order.steps_per_epoch
     batches = iter(training_data(run, step, schedule.epochs * per_epoch))
     train_step = compile_train_step(run)
-    figures: dict[str, float] = history.rows[-1] if history.rows else {}
+    metrics: dict[str, float] = history.rows[-1] if history.rows else {}
     for epoch in range(step // per_epoch, schedule.epochs):
         means = _epoch(run, folder, batches, train_step, epoch, step)
         step = (epoch + 1) * per_epoch
         if not run.chief:
             continue
-        figures = {"epoch": epoch + 1, "step": step, **means, **_validate(run)}
-        history.add(figures)
+        metrics = {"epoch": epoch + 1, "step": step, **means, **_validate(run)}
+        history.add(metrics)
         history.plot(workdir / "curves.png")
-        board.scalars(step, figures)
+        board.scalars(step, metrics)
         _picture(run, board, step)
-        _report(figures)
-        _save(run, folder, step, figures)
-        _keep_best(run, folder, history, figures)
-    return figures
+        _report(metrics)
+        _save(run, folder, step, metrics)
+        _keep_best(run, folder, history, metrics)
+    return metrics
 
 
-def training_data(run: Run, first: int, last: int):
+def training_data(run: TrainingRun, first: int, last: int):
     """The batches of steps first to last - 1, distributed where there are several replicas."""
     task, order, replicas = run.task, run.order, run.strategy.num_replicas_in_sync
 
@@ -165,13 +197,15 @@ def training_data(run: Run, first: int, last: int):
     return run.strategy.distribute_datasets_from_function(make)
 
 
-def compile_train_step(run: Run):
-    """Batch -> every loss term and the gradient's norm, after an update of the weights."""
+def compile_train_step(run: TrainingRun):
+    """(batch, by_batch) -> every loss term and the gradient's norm, after an update of the weights.
+
+    by_batch: batch normalisation by the moments of the batch, not by the moving averages.
+    """
     task, optimizer, strategy = run.task, run.optimizer, run.strategy
     variables, clip = run.variables, task.schedule.clip_norm
-    by_batch = not task.schedule.frozen_batch_norm
 
-    def replica_step(batch):
+    def replica_step(batch, by_batch: bool):
         with tf.GradientTape() as tape:
             terms = task.losses(batch, training=by_batch)
         gradients = tape.gradient(terms["loss"], variables)
@@ -187,14 +221,16 @@ def compile_train_step(run: Run):
         return {**terms, "gradient_norm": norm}
 
     @tf.function(jit_compile=False)
-    def train_step(batch):
-        values = strategy.run(replica_step, args=(batch,))
+    def train_step(batch, by_batch: bool):
+        values = strategy.run(replica_step, args=(batch, by_batch))
         return {k: strategy.experimental_local_results(v)[0] for k, v in values.items()}
 
     return train_step
 
 
-def _epoch(run: Run, folder, batches, train_step, epoch: int, step: int) -> dict[str, float]:
+def _epoch(
+    run: TrainingRun, folder, batches, train_step, epoch: int, step: int
+) -> dict[str, float]:
     """Runs the rest of an epoch; returns the means of its terms (of the steps run here)."""
     schedule, per_epoch = run.task.schedule, run.order.steps_per_epoch
     sums: dict[str, float] = {}
@@ -202,7 +238,10 @@ def _epoch(run: Run, folder, batches, train_step, epoch: int, step: int) -> dict
     title = f"{run.task.kind} epoch {epoch + 1}/{schedule.epochs}"
     with Progress(per_epoch, title, "step", initial=step - epoch * per_epoch) as bar:
         while step < (epoch + 1) * per_epoch:
-            values = {name: float(v) for name, v in train_step(next(batches)).items()}
+            values = {
+                name: float(v)
+                for name, v in train_step(next(batches), step < run.frozen_from).items()
+            }
             if not all(map(math.isfinite, values.values())):
                 raise TrainingDivergedError(f"step {step}: {values}; the last checkpoint is kept")
             step += 1
@@ -218,8 +257,8 @@ def _epoch(run: Run, folder, batches, train_step, epoch: int, step: int) -> dict
     return {**means, "learning_rate": rate}
 
 
-def _validate(run: Run) -> dict[str, float]:
-    """The task's validation figures over fixed samples, spread evenly over the data."""
+def _validate(run: TrainingRun) -> dict[str, float]:
+    """The task's validation metrics over fixed samples, spread evenly over the data."""
     task, wanted = run.task, run.task.schedule.validation_frames
     available = len(task.validation_items)
     if not available:
@@ -231,19 +270,13 @@ def _validate(run: Run) -> dict[str, float]:
     data = dataset(
         task.make_validation, task.prepare, lambda: zip(chosen, chosen, strict=True), size
     )
-    step = _validation_step(task)
+    step = run.validation_step
     return task.validate(
         (rows, batch, step(batch)) for rows, batch in zip(chosen, data, strict=True)
     )
 
 
-def _validation_step(task):
-    if not hasattr(task, "compiled_validation_step"):
-        task.compiled_validation_step = tf.function(task.validation_step, jit_compile=False)
-    return task.compiled_validation_step
-
-
-def _picture(run: Run, board: TensorBoard, step: int) -> None:
+def _picture(run: TrainingRun, board: TensorBoard, step: int) -> None:
     """A bird's-eye picture of the first validation sample."""
     from training.pictures import birds_eye
 
@@ -251,35 +284,35 @@ def _picture(run: Run, board: TensorBoard, step: int) -> None:
         board.picture(step, "birds_eye", birds_eye(run.task))
 
 
-def _report(figures: dict[str, float]) -> None:
-    print("  ".join(f"{name} {value:.4g}" for name, value in figures.items()), flush=True)
+def _report(metrics: dict[str, float]) -> None:
+    print("  ".join(f"{name} {value:.4g}" for name, value in metrics.items()), flush=True)
 
 
-def _meta(run: Run, figures: dict[str, float]) -> dict:
+def _meta(run: TrainingRun, metrics: dict[str, float]) -> dict:
     task = run.task
     return {
         "kind": task.kind,
         "config": to_dict(task.config),
-        "figures": figures,
+        "metrics": metrics,
         "record": run.started,
         **task.meta,
     }
 
 
-def _save(run: Run, folder: CheckpointFolder, step: int, figures: dict[str, float]) -> None:
-    folder.save(step, _meta(run, figures), **run.groups)
+def _save(run: TrainingRun, folder: CheckpointFolder, step: int, metrics: dict[str, float]) -> None:
+    folder.save(step, _meta(run, metrics), **run.groups)
 
 
-def _keep_best(run: Run, folder: CheckpointFolder, history: History, figures) -> None:
-    name, sign = run.task.best_figure, 1 if run.task.best_is_largest else -1
-    if name not in figures:
+def _keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metrics) -> None:
+    name, sign = run.task.best_metric, 1 if run.task.best_is_largest else -1
+    if name not in metrics:
         return
-    if all(sign * figures[name] >= sign * row.get(name, -sign * math.inf) for row in history.rows):
-        meta = {**_meta(run, figures), "step": figures["step"]}
-        checkpoint.save(folder.best_path, meta, model=run.task.model.weights)
+    if all(sign * metrics[name] >= sign * row.get(name, -sign * math.inf) for row in history.rows):
+        meta = {**_meta(run, metrics), "step": metrics["step"]}
+        checkpoint.save(folder.best_path, meta, **run.networks)
 
 
-def _resume(run: Run, folder: CheckpointFolder) -> int:
+def _resume(run: TrainingRun, folder: CheckpointFolder) -> int:
     """Restores the last checkpoint of the folder; 0 if none was written yet."""
     steps = folder.steps()
     if not steps:

@@ -1,10 +1,10 @@
-"""What training the tracker means: pairs of frames through a frozen detector, equation (5).
+"""Tracker training: pairs of frames through a frozen detector, equation (5).
 
-A pair is learnt from in both directions, (t-1, t) and (t, t-1): the detector and the tracker's
-first layers, which see one frame, serve both. It is validated in its own direction.
+Training takes a pair in both directions, (t-1, t) and (t, t-1): the detector and the tracker's
+first layers, which see one frame, serve both. Validation takes the direction (t-1, t).
 
-Equation (5) is asked twice: of the graph's displacement, and of a linear layer on the association
-head's features, which is there in training alone (deep supervision, Lee et al., AISTATS 2015).
+Equation (5) is applied to the final displacement and to an auxiliary linear head on the association
+features, which exists in training alone (deep supervision, Lee et al., AISTATS 2015).
 """
 
 from __future__ import annotations
@@ -15,19 +15,12 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from models.box_coding import head_channels
+from common.config import to_dict
 from models.detector import Detector, DetectorInputs, detector_inputs
+from models.layers import fold_batch_norm
 from models.losses import total_loss, tracking_losses
-from models.tracker import (
-    Tracker,
-    TrackerInputs,
-    halves,
-    kept_rows,
-    swapped,
-    tracker_channels,
-    tracker_inputs,
-)
-from training.checkpoint import content_hash
+from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
+from models.weights import network_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
 from training.frames import FrameReader, pair_list
@@ -35,7 +28,7 @@ from training.samples import PairSample, make_pair_sample, no_augmentation
 
 
 class PairBatch(NamedTuple):
-    """What a training step of the tracker takes: B frames t-1, then their B frames t."""
+    """Input of one training step of the tracker: B frames t-1, then their B frames t."""
 
     inputs: DetectorInputs
     displacement: tf.Tensor  # (2B, N, 3) metres, to the other frame
@@ -61,6 +54,11 @@ class Prediction(NamedTuple):
         return cls(xyz, displacement, target, foreground)
 
 
+def other_frames(encoded: EncodedFrame) -> EncodedFrame:
+    """B frames t-1 and then their B frames t -> the other frame of each: both halves exchanged."""
+    return tf.nest.map_structure(lambda x: tf.roll(x, tf.shape(x)[0] // 2, 0), encoded)
+
+
 def _terms(found: Prediction) -> dict[str, tf.Tensor]:
     positive = tf.cast(found.foreground == 1, tf.float32)
     negative = tf.cast(found.foreground == 0, tf.float32)
@@ -72,25 +70,26 @@ class TrackerTask:
     """The tracker graph on a frozen detector, which sees every augmented pair afresh."""
 
     kind = "tracker"
-    best_figure, best_is_largest = "epe_foreground", False
+    best_metric, best_is_largest = "epe_foreground", False
 
     def __init__(self, config: TrackerTrainingConfig, detector: Detector, sequences, validation):
         self.config, self.schedule, self.detector = config, config.schedule, detector
         detector.trainable = False
-        self.meta = {"detector_sha256": content_hash(detector.weights)}
-        channels = tracker_channels(
-            config.tracker, detector.config, head_channels(detector.config.box)
-        )
-        self.model = Tracker(channels, config.tracker)
+        self.meta = {
+            "network": to_dict(config.tracker),
+            "detector_sha256": network_hash(detector),
+        }
+        fold_batch_norm(detector)
+        self.model = TrackingNetwork(detector.config, config.tracker)
         self.readout = keras.layers.Dense(3, name="readout")
         self.readout.build((None, self.model.association.channels))
-        self.auxiliary = self.readout.weights
+        self.auxiliary = {f"readout/{v.name}": v for v in self.readout.weights}
         classes = detector.config.box.classes
         self.reader, self.items = FrameReader(sequences, classes), pair_list(sequences)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = pair_list(validation)
         alpha, beta, deep = config.loss.alpha, config.loss.beta, config.deep_supervision
-        self.weights = {
+        self.loss_weights = {
             "pos": alpha,
             "neg": beta,
             "head_pos": deep * alpha,
@@ -111,7 +110,7 @@ class TrackerTask:
         )
 
     def make_validation(self, index: int, _position: int) -> PairSample:
-        """A sample without augmentation; the same whenever it is asked for."""
+        """A sample without augmentation; the same each time."""
         return make_pair_sample(
             self.validation_reader,
             self.validation_items[index],
@@ -128,36 +127,39 @@ class TrackerTask:
         inputs = detector_inputs(frames.points, self.detector.config)
         return PairBatch(inputs, frames.displacement, frames.foreground)
 
-    def detect(self, batch: PairBatch) -> tuple[tf.Tensor, TrackerInputs]:
-        """The rows (2B, N') that the frozen detector keeps, and what it tells of them."""
+    def detect(self, batch: PairBatch) -> TrackerInputs:
+        """Kept points of the 2B frames and their features, from the frozen detector."""
         outputs = self.detector(batch.inputs, training=False)
-        frames = tracker_inputs(batch.inputs, outputs, self.config.tracker)
-        rows = kept_rows(batch.inputs, outputs, self.config.tracker)
-        return rows, tf.nest.map_structure(tf.stop_gradient, frames)
+        frames = self.model.fused_features(batch.inputs, outputs)
+        return tf.nest.map_structure(tf.stop_gradient, frames)
 
     def predict_forward(self, batch: PairBatch) -> Prediction:
         """From the B frames t-1 to their frames t, as the tracker is used."""
-        rows, frames = self.detect(batch)
-        displacement = self.model.displacement(*halves(self.model.encode(frames)))
-        return Prediction.at(rows[: tf.shape(rows)[0] // 2], displacement, batch)
+        frames = self.detect(batch)
+        encoded = self.model.encode(frames)
+        pairs = tf.shape(frames.rows)[0] // 2
+        previous = tf.nest.map_structure(lambda x: x[:pairs], encoded)
+        current = tf.nest.map_structure(lambda x: x[pairs:], encoded)
+        displacement = self.model.displacement(previous, current)
+        return Prediction.at(frames.rows[:pairs], displacement, batch)
 
     def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
-        """In both directions: of the graph at the kept points, of the read-out at those of TSA2."""
-        rows, frames = self.detect(batch)
+        """Both directions: of the network at the kept points, of the read-out at those of SA2."""
+        frames = self.detect(batch)
         encoded = self.model.encode(frames, training)
-        embedding = self.model.associate(encoded, swapped(encoded), training)
-        displacement = self.model.refine(encoded, embedding, training)
-        sampled = tf.gather(rows, encoded.rows, batch_dims=1)
+        association = self.model.associate(encoded, other_frames(encoded), training)
+        displacement = self.model.refine(encoded, association, training)
+        sampled = tf.gather(frames.rows, encoded.rows, batch_dims=1)
         return (
-            Prediction.at(rows, displacement, batch),
-            Prediction.at(sampled, self.readout(embedding), batch),
+            Prediction.at(frames.rows, displacement, batch),
+            Prediction.at(sampled, self.readout(association.features), batch),
         )
 
     def losses(self, batch: PairBatch, training: bool) -> dict[str, tf.Tensor]:
         """The terms of equation (5) and their weighted sum as "loss"; shares of the joint batch."""
         graph, head = (_terms(found) for found in self.predict(batch, training))
         terms = {**graph, **{f"head_{name}": term for name, term in head.items()}}
-        return {"loss": total_loss(terms, self.weights), **terms}
+        return {"loss": total_loss(terms, self.loss_weights), **terms}
 
     def validation_step(self, batch: PairBatch) -> list[tf.Tensor]:
         """End-point errors (B, N') metres and foreground of the kept points of frames t-1."""

@@ -101,7 +101,7 @@ def draw_network(
     InputError where the frame or the one before it has no scan.
     """
     from models.inference import StreamingNetwork  # TensorFlow only where it is needed
-    from training.weights import load_networks
+    from models.weights import load_networks
     from visualization.views import neighborhood, samplings
 
     t = _frame_with_scans(clip) if frame is None else _checked_frame(clip, frame)

@@ -22,7 +22,7 @@ def samplings(network: StreamingNetwork, state: FrameState) -> Samplings:
     _check(state)
     config = network.tracker.config
     sizes = [layer.num_points for layer in config.set_abstraction]
-    _, sa1, sa2 = state.encoded.xyz
+    sa1, sa2 = state.encoded.level1.xyz, state.encoded.level2.xyz
     coarse = config.refinement_abstraction.num_points
     filtered = (sa1, _farthest(sa2, coarse))
     plain1 = _farthest(tf.constant(state.sampled[None]), sizes[0])
@@ -46,7 +46,7 @@ def neighborhood(
     _check(previous)
     _check(current)
     config = network.tracker.config
-    before, after = previous.encoded.xyz[2], current.encoded.xyz[2]
+    before, after = previous.encoded.level2.xyz, current.encoded.level2.xyz
     neighbors = neighbors_within(
         config.association_neighbors, config.association_radius, after, before
     ).numpy()[0]

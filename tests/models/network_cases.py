@@ -11,10 +11,10 @@ from models.config import DetectorConfig, SetAbstractionConfig, SetUpconvConfig,
 SMALL_DETECTOR = DetectorConfig(
     num_points=128,
     set_abstraction=(
-        SetAbstractionConfig(64, (1.0,), (8,), ((8, 16),)),
-        SetAbstractionConfig(32, (2.0,), (8,), ((16, 16),)),
-        SetAbstractionConfig(16, (4.0,), (8,), ((16, 32),)),
-        SetAbstractionConfig(8, (8.0,), (8,), ((32, 32),)),
+        SetAbstractionConfig(64, 1.0, (8, 16), 8),
+        SetAbstractionConfig(32, 2.0, (16, 16), 8),
+        SetAbstractionConfig(16, 4.0, (16, 32), 8),
+        SetAbstractionConfig(8, 8.0, (32, 32), 8),
     ),
     set_upconv=(
         SetUpconvConfig(8.0, (32, 32), 4),
@@ -27,12 +27,12 @@ SMALL_DETECTOR = DetectorConfig(
 SMALL_TRACKER = TrackerConfig(
     num_kept_points=48,
     set_abstraction=(
-        SetAbstractionConfig(32, (0.5,), (8,), ((8, 16),)),
-        SetAbstractionConfig(16, (1.0,), (8,), ((16, 16),)),
+        SetAbstractionConfig(32, 0.5, (8, 16), 8),
+        SetAbstractionConfig(16, 1.0, (16, 16), 8),
     ),
     association_neighbors=8,
     association_widths=(16, 16),
-    refinement_abstraction=SetAbstractionConfig(4, (4.0,), (8,), ((16, 16),)),
+    refinement_abstraction=SetAbstractionConfig(4, 4.0, (16, 16), 8),
     refinement_upconv=(SetUpconvConfig(4.0, (16, 16), 4), SetUpconvConfig(1.0, (16, 16), 4)),
     propagation_widths=(16, 16),
     fc1_width=16,

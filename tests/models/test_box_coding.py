@@ -7,7 +7,13 @@ import tensorflow as tf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.box_coding import decode_boxes, encode_boxes, head_channels, split_head
+from models.box_coding import (
+    decode_boxes,
+    decode_targets,
+    encode_boxes,
+    head_channels,
+    split_head,
+)
 from models.config import BoxCodingConfig
 from models.detector import BoxPredictions
 
@@ -31,6 +37,7 @@ def predictions_of(targets, config=CONFIG):
         np.eye(ns)[targets.size_template],
         size,
         np.eye(nc)[targets.semantic_class],
+        np.zeros((count, 1)),
     ]
     return BoxPredictions(*(tf.constant(f[None], tf.float32) for f in fields))
 
@@ -50,6 +57,10 @@ def test_code_then_decode_is_the_identity(yaw, size, center, label):
     assert -1 - 1e-5 <= targets.heading_residual_normalized[0] <= 1 + 1e-5
     decoded = decode_boxes(tf.constant(point[None]), predictions_of(targets), CONFIG).numpy()[0, 0]
     np.testing.assert_allclose(decoded[:6], box[0, :6], atol=1e-4)
+    batched = type(targets)(*(tf.constant(field[None]) for field in targets))
+    np.testing.assert_allclose(
+        decode_targets(tf.constant(point[None]), batched, CONFIG)[0, 0], decoded, atol=1e-5
+    )
     turn = np.angle(np.exp(1j * (decoded[6] - yaw)))
     assert abs(turn) < 1e-5
     assert -np.pi <= decoded[6] < np.pi + 1e-6
@@ -57,7 +68,9 @@ def test_code_then_decode_is_the_identity(yaw, size, center, label):
 
 def test_head_has_the_papers_channels():
     nh, ns, nc = 12, 2, 2
-    assert head_channels(CONFIG) == 2 + 3 + 2 * nh + 4 * ns + nc
+    assert head_channels(CONFIG) == 2 + 3 + 2 * nh + 4 * ns + nc + 1  # and the quality
+    paper = BoxCodingConfig(quality=False)
+    assert head_channels(paper) == 2 + 3 + 2 * nh + 4 * ns + nc
 
 
 def test_split_takes_every_channel_once():

@@ -7,18 +7,16 @@ import pytest
 import tensorflow as tf
 from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
 
-from models.box_coding import head_channels
 from models.detector import Detector, detector_inputs
 from models.inference import StreamingNetwork
-from models.tracker import Tracker, tracker_channels, tracker_inputs
+from models.tracker import TrackingNetwork
 
 
 @pytest.fixture(scope="module")
 def network():
     tf.keras.utils.set_random_seed(0)
     detector = Detector(SMALL_DETECTOR)
-    channels = tracker_channels(SMALL_TRACKER, SMALL_DETECTOR, head_channels(SMALL_DETECTOR.box))
-    return StreamingNetwork(detector, Tracker(channels, SMALL_TRACKER))
+    return StreamingNetwork(detector, TrackingNetwork(SMALL_DETECTOR, SMALL_TRACKER))
 
 
 def test_a_stream_equals_the_two_graphs(network):
@@ -29,7 +27,7 @@ def test_a_stream_equals_the_two_graphs(network):
     for t, scan in enumerate(scans):
         inputs = detector_inputs(network.sample(scan, t), SMALL_DETECTOR)
         outputs = network.detector(inputs, training=False)
-        frames.append(tracker_inputs(inputs, outputs, SMALL_TRACKER))
+        frames.append(network.tracker.fused_features(inputs, outputs))
     np.testing.assert_allclose(states[0].points, frames[0].xyz[0], atol=1e-6)
     expected = network.tracker(*frames, training=False)[0]
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)

@@ -8,12 +8,12 @@ import tensorflow as tf
 from network_cases import cloud, randomize_norms
 
 from models.association_head import fuse
-from models.config import SetAbstractionConfig, SetUpconvConfig, multi_scale
+from models.config import SetAbstractionConfig, SetUpconvConfig
 from models.feature_propagation import FeaturePropagation, interpolation_indices
-from models.linear_norm import EPSILON, LinearNormReLU, SharedMLP
-from models.neighborhood import NeighborhoodMLP
-from models.probability_filter import foreground_probability, keep, probability_filter
-from models.set_abstraction import SetAbstraction, set_abstraction_indices
+from models.layers import EPSILON, LinearNormReLU, SharedMLP, fold_batch_norm, linear
+from models.local_pointnet import LocalPointNet, Points
+from models.probability_filter import foreground_probability, probability_filter
+from models.set_abstraction import set_abstraction_indices
 from models.set_upconv import SetUpconv, neighbors_within
 
 
@@ -35,7 +35,7 @@ def plain_linear(layer: LinearNormReLU, inputs, training):
 
 
 def plain_neighborhood(
-    mlp: NeighborhoodMLP,
+    mlp: LocalPointNet,
     source_xyz,
     features,
     query_xyz,
@@ -51,11 +51,11 @@ def plain_neighborhood(
     )
     inputs = {"xyz": gather(source_xyz) - spread(query_xyz)}
     if features is not None:
-        inputs["source"] = gather(features)
+        inputs["neighbors"] = gather(features)
     if query is not None:
-        inputs["query"] = spread(query)
+        inputs["centers"] = spread(query)
     if pair is not None:
-        inputs["pair"] = pair
+        inputs["edges"] = pair
     x = plain_linear(mlp.first, inputs, training)
     for layer in mlp.rest.layers:
         x = plain_linear(layer, {"x": x}, training)
@@ -76,7 +76,7 @@ def test_first_layer_before_grouping_is_exact(training, widths, parts):
     features = None if parts == "xyz" else rng.normal(size=(2, 50, 5)).astype("f4")
     query = rng.normal(size=(2, 20, 4)).astype("f4") if parts == "all" else None
     pair = rng.normal(size=(2, 20, 6, 2)).astype("f4") if parts == "all" else None
-    mlp = NeighborhoodMLP(
+    mlp = LocalPointNet(
         0 if features is None else 5,
         widths,
         0.9,
@@ -86,16 +86,13 @@ def test_first_layer_before_grouping_is_exact(training, widths, parts):
     )
     randomize_norms(mlp)
     expected = plain_neighborhood(mlp, xyz, features, queries, neighbors, training, query, pair)
-    found = mlp(
-        xyz,
-        features,
-        queries,
-        neighbors,
-        training=training,
-        query_features=query,
-        pair_features=pair,
+    call = lambda: mlp(  # noqa: E731
+        Points(xyz, features), Points(queries, query), neighbors, training=training, edges=pair
     )
-    close(found, expected)
+    close(call(), expected)
+    if not training:
+        fold_batch_norm(mlp)
+        close(call(), expected)
 
 
 def test_gradients_of_the_rearranged_layer_are_exact():
@@ -104,11 +101,11 @@ def test_gradients_of_the_rearranged_layer_are_exact():
     neighbors = tf.constant(rng.integers(0, 40, (2, 10, 6)), tf.int32)
     features = tf.constant(rng.normal(size=(2, 40, 5)), tf.float32)
     weight = tf.constant(rng.normal(size=(2, 10, 16)), tf.float32)
-    mlp = NeighborhoodMLP(5, (8, 16), 0.9, 1.0)
+    mlp = LocalPointNet(5, (8, 16), 0.9, 1.0)
     randomize_norms(mlp)
     gradients = []
     for compute in (
-        lambda: mlp(xyz, features, queries, neighbors, training=True),
+        lambda: mlp(Points(xyz, features), Points(queries), neighbors, training=True),
         lambda: plain_neighborhood(mlp, xyz, features, queries, neighbors, True),
     ):
         with tf.GradientTape() as tape:
@@ -155,23 +152,12 @@ def test_moving_averages_move_towards_the_batch():
 
 def test_set_abstraction_groups_within_the_radius():
     xyz = cloud(2, 200)
-    config = SetAbstractionConfig(32, (1.0,), (8,), ((8,),))
+    config = SetAbstractionConfig(32, 1.0, (8,), 8)
     indices, centers = set_abstraction_indices(xyz, config)
-    grouped = tf.gather(xyz, indices.groups[0], batch_dims=1)
+    grouped = tf.gather(xyz, indices.groups, batch_dims=1)
     distance = tf.norm(grouped - centers[:, :, None], axis=-1)
     assert float(tf.reduce_max(distance)) < 1.0
     np.testing.assert_array_equal(centers, tf.gather(xyz, indices.sampled, batch_dims=1))
-
-
-def test_multi_scale_has_the_width_of_single_scale():
-    single = SetAbstractionConfig(32, (1.0,), (32,), ((32, 64),))
-    double = multi_scale(single)
-    assert double.radii == (0.5, 1.0)
-    layer = SetAbstraction(0, double, 0.9)
-    assert layer.channels == 64
-    xyz = cloud(2, 100)
-    indices, centers = set_abstraction_indices(xyz, double)
-    assert layer(xyz, None, centers, indices, training=False).shape == (2, 32, 64)
 
 
 def test_neighbors_beyond_the_radius_give_way_to_the_nearest():
@@ -188,7 +174,8 @@ def test_set_upconv_with_and_without_skip():
     for channels in (0, 6):
         layer = SetUpconv(4, channels, SetUpconvConfig(8.0, (8, 8, 16), 3), 0.9)
         skip = np.ones((1, 20, 6), "f4") if channels else None
-        assert layer(coarse, features, fine, skip, neighbors, training=False).shape == (1, 20, 16)
+        found = layer(Points(coarse, features), Points(fine, skip), neighbors, training=False)
+        assert found.shape == (1, 20, 16)
 
 
 @pytest.mark.parametrize("fusion", ["cosine_distance", "dot_product", "elementwise_product"])
@@ -220,8 +207,6 @@ def test_probability_filter_keeps_the_most_probable_first():
     logits = np.stack([np.zeros_like(margin), margin], -1)
     rows = probability_filter(tf.constant(logits), 3)
     np.testing.assert_array_equal(rows, [[1, 3, 0]])
-    (kept,) = keep(rows, tf.constant(margin[..., None]))
-    np.testing.assert_allclose(kept[0, :, 0], [3.0, 1.0, 0.1])
     np.testing.assert_allclose(foreground_probability(logits), 1 / (1 + np.exp(-margin)), rtol=1e-5)
 
 
@@ -237,7 +222,7 @@ def test_each_part_of_a_fresh_layer_has_an_equal_share():
     many = rng.normal(0, 0.5**0.5, (2000, 128)).astype("f4")
     few = rng.normal(0, 0.25, (2000, 3)).astype("f4")
     shares = [
-        np.std(layer.project(part, tf.constant(x), True))
+        np.std(linear(tf.constant(x), layer.kernels[part].value))
         for part, x in (("many", many), ("few", few))
     ]
     assert shares[0] == pytest.approx(shares[1], rel=0.1)

@@ -10,16 +10,10 @@ import tensorflow as tf
 from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud, randomize_norms, tracker_with
 
 from models.box_coding import head_channels
-from models.config import DetectorConfig, TrackerConfig, multi_scale
+from models.config import DetectorConfig, TrackerConfig
 from models.detector import Detector, detector_inputs
-from models.tracker import (
-    Tracker,
-    TrackerInputs,
-    kept_rows,
-    swapped,
-    tracker_channels,
-    tracker_inputs,
-)
+from models.tracker import TrackingNetwork
+from training.tracker_task import other_frames
 
 FUSIONS = ("elementwise_product", "concat", "cosine_distance", "dot_product")
 FEATURES = ("DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1")
@@ -39,29 +33,30 @@ def run(config=SMALL_DETECTOR, xyz=None, training=False, seed=0):
 
 def small_tracker(config, detector):
     tf.keras.utils.set_random_seed(1)
-    channels = tracker_channels(config, detector.config, head_channels(detector.config.box))
-    return Tracker(channels, config)
+    return TrackingNetwork(detector.config, config)
 
 
 def test_parameter_counts():
-    assert parameters(Detector(DetectorConfig())) == 1_002_887
-    assert parameters(Tracker(128, TrackerConfig())) == 655_139
+    assert parameters(Detector(DetectorConfig())) == 1_002_887 + 129  # the quality's channel
+    paper = dataclasses.replace(DetectorConfig().box, quality=False)
+    assert parameters(Detector(DetectorConfig(box=paper))) == 1_002_887
+    assert parameters(TrackingNetwork(DetectorConfig(), TrackerConfig())) == 655_139
 
 
 def test_table_1():
     detector, tracker = DetectorConfig(), TrackerConfig()
-    rows = [(layer.num_points, layer.radii, layer.widths) for layer in detector.set_abstraction]
+    rows = [(layer.num_points, layer.radius, layer.widths) for layer in detector.set_abstraction]
     assert rows == [
-        (2048, (1.0,), ((32, 32, 64),)),
-        (512, (2.0,), ((64, 64, 128),)),
-        (128, (4.0,), ((128, 128, 256),)),
-        (32, (8.0,), ((256, 256, 512),)),
+        (2048, 1.0, (32, 32, 64)),
+        (512, 2.0, (64, 64, 128)),
+        (128, 4.0, (128, 128, 256)),
+        (32, 8.0, (256, 256, 512)),
     ]
     rows = [(layer.radius, layer.widths) for layer in detector.set_upconv]
     assert rows == [(8.0, (256, 256)), (4.0, (128, 128, 256)), (2.0, (128, 128, 256))]
     assert (detector.propagation_widths, detector.fc1_width) == ((256, 256), 128)
-    rows = [(layer.num_points, layer.radii, layer.widths) for layer in tracker.set_abstraction]
-    assert rows == [(2048, (0.5,), ((32, 32, 64),)), (512, (1.0,), ((64, 64, 128),))]
+    rows = [(layer.num_points, layer.radius, layer.widths) for layer in tracker.set_abstraction]
+    assert rows == [(2048, 0.5, (32, 32, 64)), (512, 1.0, (64, 64, 128))]
     assert (tracker.association_radius, tracker.association_widths) == (5.0, (128, 128))
     rows = [(layer.radius, layer.widths) for layer in tracker.refinement_upconv]
     assert rows == [(4.0, (256, 256)), (1.0, (128, 256, 256))]
@@ -86,16 +81,6 @@ def test_query_points_are_asked_as_if_they_were_all():
     np.testing.assert_allclose(some.fc2, everywhere.fc2[:, 10:30], rtol=1e-4, atol=1e-5)
 
 
-def test_multi_scale_grouping_runs():
-    layers = tuple(
-        dataclasses.replace(multi_scale(layer), num_neighbors=(4, 8))
-        for layer in SMALL_DETECTOR.set_abstraction
-    )
-    config = dataclasses.replace(SMALL_DETECTOR, set_abstraction=layers)
-    _, _, outputs = run(config, training=True)
-    assert np.isfinite(outputs.fc2).all()
-
-
 def test_gradients_reach_every_variable_of_the_detector():
     detector = Detector(SMALL_DETECTOR)
     inputs = detector_inputs(cloud(2, 128), SMALL_DETECTOR)
@@ -117,14 +102,13 @@ def test_gradients_reach_every_variable_of_every_tracker(fusion, features, keeps
     config = tracker_with(fusion=fusion, fused_features=features, fusion_keeps_features=keeps)
     detector, inputs, outputs = run(xyz=cloud(2, 128, extent=1.0))  # dense: no lonely points
     tracker = small_tracker(config, detector)
-    frame = tracker_inputs(inputs, outputs, config)
+    frame = tracker.fused_features(inputs, outputs)
     moved = frame._replace(xyz=frame.xyz + 0.3)
     with tf.GradientTape() as tape:
         displacement = tracker(frame, moved, training=True)
         loss = tf.reduce_sum(tf.square(displacement - 1.0))
-    rows = kept_rows(inputs, outputs, config)
-    assert displacement.shape == (2, rows.shape[1], 3)
-    np.testing.assert_array_equal(frame.xyz, tf.gather(inputs.query_xyz, rows, batch_dims=1))
+    assert displacement.shape == (2, frame.rows.shape[1], 3)
+    np.testing.assert_array_equal(frame.xyz, tf.gather(inputs.query_xyz, frame.rows, batch_dims=1))
     gradients = tape.gradient(loss, tracker.trainable_variables)
     for variable, gradient in zip(tracker.trainable_variables, gradients, strict=True):
         assert gradient is not None, variable.path
@@ -143,7 +127,7 @@ def test_permuting_the_points_permutes_the_outputs():
     """Sampling starts at the first point, and no ball here holds more than its places."""
     xyz = cloud(1, 60, extent=20.0)
     layers = tuple(
-        dataclasses.replace(layer, num_neighbors=(64,)) for layer in SMALL_DETECTOR.set_abstraction
+        dataclasses.replace(layer, num_neighbors=64) for layer in SMALL_DETECTOR.set_abstraction
     )
     config = dataclasses.replace(SMALL_DETECTOR, set_abstraction=layers)
     detector, _, before = run(config, xyz)
@@ -156,16 +140,18 @@ def test_permuting_the_points_permutes_the_outputs():
 def test_fewer_points_than_the_layers_sample(count):
     detector, inputs, outputs = run(xyz=cloud(1, count))
     assert outputs.fc2.shape[1] == count
-    frame = tracker_inputs(inputs, outputs, SMALL_TRACKER)
-    displacement = small_tracker(SMALL_TRACKER, detector)(frame, frame, training=False)
+    tracker = small_tracker(SMALL_TRACKER, detector)
+    frame = tracker.fused_features(inputs, outputs)
+    displacement = tracker(frame, frame, training=False)
     assert np.isfinite(outputs.fc2).all()
     assert np.isfinite(displacement).all()
 
 
 def test_identical_points():
     detector, inputs, outputs = run(xyz=np.ones((2, 128, 3), "f4"), training=True)
-    frame = tracker_inputs(inputs, outputs, SMALL_TRACKER)
-    displacement = small_tracker(SMALL_TRACKER, detector)(frame, frame, training=True)
+    tracker = small_tracker(SMALL_TRACKER, detector)
+    frame = tracker.fused_features(inputs, outputs)
+    displacement = tracker(frame, frame, training=True)
     assert np.isfinite(outputs.fc2).all()
     assert np.isfinite(displacement).all()
 
@@ -174,7 +160,7 @@ def tracker_and_pair():
     detector, inputs, outputs = run()
     tracker = small_tracker(SMALL_TRACKER, detector)
     randomize_norms(tracker)
-    first = tracker_inputs(inputs, outputs, SMALL_TRACKER)
+    first = tracker.fused_features(inputs, outputs)
     second = first._replace(xyz=first.xyz + 0.2)
     return tracker, first, second
 
@@ -187,13 +173,13 @@ def test_encoding_once_equals_encoding_the_pair():
 
 def test_both_ways_are_the_pair_and_the_pair_backwards():
     tracker, first, second = tracker_and_pair()
-    both = TrackerInputs(*(tf.concat(pair, 0) for pair in zip(first, second, strict=True)))
+    both = tf.nest.map_structure(lambda a, b: tf.concat([a, b], 0), first, second)
     expected = tf.concat([tracker(first, second), tracker(second, first)], 0)
     encoded = tracker.encode(both)
-    found = tracker.displacement(encoded, swapped(encoded))
+    found = tracker.displacement(encoded, other_frames(encoded))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
     points = tf.gather(both.xyz, encoded.rows, batch_dims=1)
-    np.testing.assert_array_equal(points, encoded.xyz[2])
+    np.testing.assert_array_equal(points, encoded.level2.xyz)
 
 
 def test_any_batch_size_in_one_graph():

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
-from training import checkpoint
-from training.checkpoint import CheckpointFolder
+from models import checkpoint
+from training.checkpoint_folder import CheckpointFolder
 from training.learning_rate import CyclicalLearningRate
 from training.logs import History
 
@@ -20,7 +20,7 @@ META = {"kind": "detector", "config": {"a": 1}, "step": 3}
 def variables(seed=0):
     rng = np.random.default_rng(seed)
     shapes = [("kernel", (3, 4)), ("bias", (4,))]
-    return [keras.Variable(rng.normal(size=s).astype("f4"), name=n) for n, s in shapes]
+    return {n: keras.Variable(rng.normal(size=s).astype("f4"), name=n) for n, s in shapes}
 
 
 def test_round_trip(tmp_path):
@@ -75,18 +75,21 @@ def test_other_shapes_are_refused_and_nothing_is_assigned(tmp_path):
     path = tmp_path / "a.npz"
     checkpoint.save(path, META, model=variables(0))
     _, arrays = checkpoint.load(path)
-    others = [variables(1)[0], keras.Variable(np.zeros(5, "f4"), name="bias")]
-    before = np.asarray(others[0].value)
-    with pytest.raises(InputError, match=r"bias: expected shape \(5,\), found shape \(4,\)"):
+    others = {**variables(1), "bias": keras.Variable(np.zeros(5, "f4"), name="bias")}
+    before = np.asarray(others["kernel"].value)
+    message = r"model/bias: expected numbers of shape \(5,\), found float32 of shape \(4,\)"
+    with pytest.raises(InputError, match=message):
         checkpoint.restore(path, arrays, model=others)
-    np.testing.assert_array_equal(others[0].value, before)
-    with pytest.raises(InputError, match="found 1 more"):
-        checkpoint.restore(path, arrays, model=variables(1)[:1])
+    np.testing.assert_array_equal(others["kernel"].value, before)
+    renamed = {"kernel": others["kernel"], "offset": variables(1)["bias"]}
+    with pytest.raises(InputError, match="model/offset missing, model/bias unknown"):
+        checkpoint.restore(path, arrays, model=renamed)
+    np.testing.assert_array_equal(others["kernel"].value, before)
 
 
 def test_values_that_are_not_finite_are_refused(tmp_path):
     bad = variables()
-    bad[1].assign([1, 2, np.inf, 4])
+    bad["bias"].assign([1, 2, np.inf, 4])
     checkpoint.save(tmp_path / "a.npz", META, model=bad)
     _, arrays = checkpoint.load(tmp_path / "a.npz")
     with pytest.raises(InputError, match="finite"):

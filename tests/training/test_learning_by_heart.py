@@ -23,6 +23,7 @@ from training.tracker_task import TrackerTask
 
 COUNT, STEPS = 4, 400
 SCHEDULE = ScheduleConfig(
+    frozen_batch_norm_from=1.0,
     epochs=1,
     frames_per_epoch=COUNT * STEPS,
     batch_size=COUNT,
@@ -81,7 +82,9 @@ def test_four_frames_are_learnt_by_heart(tiny_data, tmp_path):
         SMALL_DETECTOR, augmentation=no_augmentation(), schedule=SCHEDULE
     )
     task, batch = learn_one_batch(lambda: DetectorTask(config, sequences, sequences), tmp_path)
-    assert float(task.losses(batch, training=False)["loss"]) < 0.02
+    terms = task.losses(batch, training=False)
+    assert float(terms["loss"] - terms["quality"]) < 0.02  # equations (2) and (3)
+    assert float(terms["quality"]) < 0.02
     task.validation_items = task.items
     figures = task.validate([(range(COUNT), batch, task.validation_step(batch))])
     assert figures["mask_iou"] > 0.98

@@ -21,8 +21,11 @@ import train_track
 from common.errors import InputError
 from common.flags import run as run_script
 from kitti.sequence import open_sequences
+from models import checkpoint
 from models.detector import Detector
-from training import checkpoint, loop
+from models.weights import load_detector, load_networks, load_tracker
+from training import loop
+from training.checkpoint_folder import CheckpointFolder
 from training.command_line import start_from
 from training.config import (
     AugmentationConfig,
@@ -32,7 +35,6 @@ from training.config import (
 )
 from training.detector_task import DetectorTask
 from training.strategies import make_strategy
-from training.weights import load_detector, load_networks, load_tracker
 
 SCRIPT = Path(__file__).with_name("train_small.py")
 
@@ -56,7 +58,7 @@ def finish(*processes: subprocess.Popen) -> list[int]:
 
 
 def last_arrays(workdir: Path) -> dict[str, np.ndarray]:
-    folder = checkpoint.CheckpointFolder(workdir / "checkpoints", 3)
+    folder = CheckpointFolder(workdir / "checkpoints", 3)
     return checkpoint.load(folder.path(folder.steps()[-1]))[1]
 
 
@@ -167,7 +169,7 @@ def test_a_loss_that_is_not_finite_stops_and_keeps_the_checkpoint(tiny_data, tmp
     run.task.losses = failing
     with pytest.raises(loop.TrainingDivergedError, match="step 3"):
         loop.run_training(run)
-    folder = checkpoint.CheckpointFolder(tmp_path / "checkpoints", 3)
+    folder = CheckpointFolder(tmp_path / "checkpoints", 3)
     assert folder.steps()[-1] == 3
     arrays = checkpoint.load(folder.path(3))[1]
     assert all(np.isfinite(array).all() for array in arrays.values())
@@ -233,7 +235,7 @@ def test_bad_configuration_and_data_are_named(tmp_path, capsys):
 
 def test_frozen_batch_norm_leaves_the_averages_as_they_are(tiny_data, tmp_path):
     for frozen in (False, True):
-        schedule = dataclasses.replace(SHORT, frozen_batch_norm=frozen)
+        schedule = dataclasses.replace(SHORT, frozen_batch_norm_from=0.0 if frozen else 1.0)
         run = detector_run(tiny_data, tmp_path / str(frozen), schedule)
         model = run.task.model
         before = [[w.numpy() for w in group] for group in (model.weights, model.trainable_weights)]
@@ -248,25 +250,14 @@ def test_frozen_batch_norm_leaves_the_averages_as_they_are(tiny_data, tmp_path):
         assert moved[0] - moved[1] == (0 if frozen else averages)
 
 
-def test_layers_that_start_anew(tiny_data, tmp_path):
+def test_init_starts_from_the_network_of_a_checkpoint(tiny_data, tmp_path):
     trained, other = (detector_run(tiny_data, tmp_path, SHORT) for _ in range(2))
     path = tmp_path / "trained.npz"
-    checkpoint.save(path, {"kind": "detector", "config": {}}, model=trained.task.model.weights)
-    start_from(path, other, ["fp4"])
-    for layer, old in zip(other.task.model.layers, trained.task.model.layers, strict=True):
-        kernels = [(a.numpy(), b.numpy()) for a, b in zip(layer.weights, old.weights, strict=True)]
-        equal = all(np.array_equal(*pair) for pair in kernels)
-        assert equal == (layer.name != "fp4"), layer.name
-    with pytest.raises(InputError, match=r"--fresh: expected layers among sa1.*found \['fp9'\]"):
-        start_from(path, other, ["fp9"])
-
-
-@pytest.mark.parametrize("flag", ["--schedule.frozen_batch_norm=true", "--fresh=fp4"])
-def test_what_needs_init(tmp_path, capsys, flag):
-    flags = ["--data_root", "x", flag, "--workdir", str(tmp_path / "work")]
-    assert run_script(train_det.main, flags) == 2
-    error = capsys.readouterr().err
-    assert error.count("needs --init") == 1 and f"{flag.split('=')[0]} needs --init" in error
+    checkpoint.save(path, {"kind": "detector", "config": {}}, **trained.networks)
+    start_from(path, other)
+    for name, variable in checkpoint.named_variables(other.task.model).items():
+        expected = checkpoint.named_variables(trained.task.model)[name]
+        np.testing.assert_array_equal(variable, expected, err_msg=name)
 
 
 def test_multiworker_needs_tf_config(monkeypatch):

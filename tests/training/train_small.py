@@ -27,7 +27,8 @@ def main() -> None:
     from network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
     from kitti.sequence import open_sequences
-    from training import checkpoint, loop
+    from models import checkpoint
+    from training import loop
     from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
     from training.detector_task import DetectorTask
     from training.strategies import make_strategy, seed_everything
@@ -68,7 +69,7 @@ def main() -> None:
     figures = loop.run_training(run, args.resume)
     print({k: round(v, 6) for k, v in figures.items()} if figures else dataclasses.asdict(schedule))
     if not run.chief:
-        checkpoint.save(args.workdir / "weights.npz", {"config": {}}, model=run.task.model.weights)
+        checkpoint.save(args.workdir / "weights.npz", {"config": {}}, **run.networks)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,67 @@
+"""Loads the networks from checkpoints: configuration, weights, and that the two belong together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import keras
+
+from common.config import from_dict
+from common.errors import InputError
+from models import checkpoint
+from models.config import DetectorConfig, TrackerConfig
+from models.detector import Detector
+from models.tracker import TrackingNetwork
+
+CONFIGS = {"detector": DetectorConfig, "tracker": TrackerConfig}
+
+
+def read_network(path: str | Path, kind: str) -> tuple[dict[str, Any], Any, dict[str, Any]]:
+    """(meta, configuration of the network, arrays of the group "model") of a checkpoint.
+
+    Raises:
+        InputError: missing, broken, or of another kind.
+    """
+    meta, arrays = checkpoint.load(path)
+    if meta.get("kind") != kind:
+        raise InputError(f"expected a {kind} checkpoint, found {meta.get('kind')!r}", path)
+    config = from_dict(CONFIGS[kind], meta.get("network"), path)
+    return meta, config, {name: a for name, a in arrays.items() if name.startswith("model/")}
+
+
+def network_hash(network: keras.Model) -> str:
+    """The content hash of a network's variables."""
+    return checkpoint.content_hash(checkpoint.named_variables(network))
+
+
+def load_detector(path: str | Path) -> Detector:
+    """The detector of a checkpoint, rebuilt from the configuration in it.
+
+    Raises:
+        InputError: missing, broken, of another kind, or weights that do not fit.
+    """
+    _, config, arrays = read_network(path, "detector")
+    detector = Detector(config)
+    checkpoint.restore(path, arrays, model=checkpoint.named_variables(detector))
+    return detector
+
+
+def load_tracker(path: str | Path, detector: Detector) -> TrackingNetwork:
+    """The tracker of a checkpoint that was trained on this detector.
+
+    Raises:
+        InputError: as load_detector, or the tracker was trained on another detector.
+    """
+    meta, config, arrays = read_network(path, "tracker")
+    if meta.get("detector_sha256") != network_hash(detector):
+        raise InputError("this tracker was trained on another detector", path)
+    tracker = TrackingNetwork(detector.config, config)
+    checkpoint.restore(path, arrays, model=checkpoint.named_variables(tracker))
+    return tracker
+
+
+def load_networks(folder: str | Path) -> tuple[Detector, TrackingNetwork]:
+    """detector.npz and tracker.npz of a folder such as weights/."""
+    detector = load_detector(Path(folder) / "detector.npz")
+    return detector, load_tracker(Path(folder) / "tracker.npz", detector)
