@@ -6,60 +6,16 @@ import numpy as np
 import pytest
 import tensorflow as tf
 from network_cases import cloud, randomize_norms
+from plain_networks import linear_norm_relu, local_pointnet
 
 from models.association_head import fuse
 from models.config import SetAbstractionConfig, SetUpconvConfig
 from models.feature_propagation import FeaturePropagation, interpolation_indices
-from models.layers import EPSILON, LinearNormReLU, SharedMLP, fold_batch_norm, linear
+from models.layers import BatchNormReLU, LinearNormReLU, SharedMLP, fold_batch_norm, linear
 from models.local_pointnet import LocalPointNet, Points
 from models.probability_filter import foreground_probability, probability_filter
 from models.set_abstraction import set_abstraction_indices
 from models.set_upconv import SetUpconv, neighbors_within
-
-
-def plain_norm_relu(y, norm, training):
-    """BatchNorm and ReLU of rows, by TensorFlow."""
-    if training:
-        mean, variance = tf.nn.moments(y, list(range(y.shape.rank - 1)))
-    else:
-        mean, variance = norm.moving_mean.value, norm.moving_variance.value
-    scale = norm.gamma.value / tf.sqrt(variance + EPSILON)
-    return tf.nn.relu((y - mean) * scale + norm.beta.value)
-
-
-def plain_linear(layer: LinearNormReLU, inputs, training):
-    """The same layer over concatenated inputs."""
-    x = tf.concat([inputs[part] for part in layer.kernels], -1)
-    kernel = tf.concat([k.value for k in layer.kernels.values()], 0)
-    return plain_norm_relu(tf.tensordot(x, kernel, 1), layer.norm, training)
-
-
-def plain_neighborhood(
-    mlp: LocalPointNet,
-    source_xyz,
-    features,
-    query_xyz,
-    neighbors,
-    training,
-    query=None,
-    pair=None,
-):
-    """Gather, concatenate, multiply, pool."""
-    gather = lambda values: tf.gather(values, neighbors, batch_dims=1)  # noqa: E731
-    spread = lambda values: tf.broadcast_to(  # noqa: E731
-        values[:, :, None], [*neighbors.shape, values.shape[-1]]
-    )
-    inputs = {"xyz": gather(source_xyz) - spread(query_xyz)}
-    if features is not None:
-        inputs["neighbors"] = gather(features)
-    if query is not None:
-        inputs["centers"] = spread(query)
-    if pair is not None:
-        inputs["edges"] = pair
-    x = plain_linear(mlp.first, inputs, training)
-    for layer in mlp.rest.layers:
-        x = plain_linear(layer, {"x": x}, training)
-    return tf.reduce_max(x, 2)
 
 
 def close(found, expected):
@@ -85,7 +41,7 @@ def test_first_layer_before_grouping_is_exact(training, widths, parts):
         0 if pair is None else 2,
     )
     randomize_norms(mlp)
-    expected = plain_neighborhood(mlp, xyz, features, queries, neighbors, training, query, pair)
+    expected = local_pointnet(mlp, xyz, features, queries, neighbors, training, query, pair)
     call = lambda: mlp(  # noqa: E731
         Points(xyz, features), Points(queries, query), neighbors, training=training, edges=pair
     )
@@ -106,7 +62,7 @@ def test_gradients_of_the_rearranged_layer_are_exact():
     gradients = []
     for compute in (
         lambda: mlp(Points(xyz, features), Points(queries), neighbors, training=True),
-        lambda: plain_neighborhood(mlp, xyz, features, queries, neighbors, True),
+        lambda: local_pointnet(mlp, xyz, features, queries, neighbors, True),
     ):
         with tf.GradientTape() as tape:
             tape.watch(features)
@@ -128,9 +84,9 @@ def test_interpolation_after_the_first_layer_is_exact(training):
     np.testing.assert_allclose(tf.reduce_sum(indices.weights, -1), 1.0, rtol=1e-5)
     gathered = tf.gather(features, indices.neighbors, batch_dims=1)
     interpolated = tf.reduce_sum(gathered * indices.weights[..., None], 2)
-    x = plain_linear(layer.first, {"coarse": interpolated, "skip": skip}, training)
+    x = linear_norm_relu(layer.first, {"coarse": interpolated, "skip": skip}, training)
     for rest in layer.rest.layers:
-        x = plain_linear(rest, {"x": x}, training)
+        x = linear_norm_relu(rest, {"x": x}, training)
     close(layer(features, skip, indices, training=training), x)
 
 
@@ -226,3 +182,18 @@ def test_each_part_of_a_fresh_layer_has_an_equal_share():
         for part, x in (("many", many), ("few", few))
     ]
     assert shares[0] == pytest.approx(shares[1], rel=0.1)
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_variance_where_the_mean_is_large(fused, monkeypatch):
+    """Mean 3000, standard deviation 1: E[x^2] - E[x]^2 in float32 has no digit left."""
+    monkeypatch.setattr("models.layers.has_gpu", lambda: not fused)
+    rng = np.random.default_rng(0)
+    x = (3000.0 + rng.normal(size=(4000, 8))).astype(np.float32)
+    norm = BatchNormReLU(8, momentum=0.0)
+    y = norm(tf.constant(x))
+    exact = x.astype(np.float64)
+    np.testing.assert_allclose(norm.moving_mean, exact.mean(0), rtol=1e-6)
+    np.testing.assert_allclose(norm.moving_variance, exact.var(0), rtol=2e-3)
+    expected = (exact - exact.mean(0)) / np.sqrt(exact.var(0) + 1e-3)
+    np.testing.assert_allclose(y, np.maximum(expected, 0), atol=2e-3)
