@@ -69,7 +69,7 @@ def provenance(**details: Any) -> dict[str, Any]:
         "git_commit": git_commit(),
         "machine": {
             "cpu_count": len(_cpus()),
-            "processor": platform.processor(),
+            "processor": _processor(),
             "system": platform.system(),
             "architecture": platform.machine(),
         },
@@ -78,8 +78,17 @@ def provenance(**details: Any) -> dict[str, Any]:
     }
 
 
-def _cpus() -> list[int]:
+def _processor(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
+    """The processor's model, or what `platform` knows where Linux's list is missing."""
+    try:
+        lines = cpu_info.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor()
 
+
+def _cpus() -> list[int]:
     return (
         sorted(os.sched_getaffinity(0))
         if hasattr(os, "sched_getaffinity")

@@ -1,6 +1,7 @@
 """Provenance: JSON-ready, with what a figure needs to be made again."""
 
 import json
+import platform
 import subprocess
 from importlib.machinery import ModuleSpec
 
@@ -46,3 +47,10 @@ def test_commit_marks_changes(monkeypatch):
     assert provenance.git_commit() == "abc123+changes"
     answers["status"] = ""
     assert provenance.git_commit() == "abc123"
+
+
+def test_processor_is_named(tmp_path):
+    info = tmp_path / "cpuinfo"
+    info.write_text("processor\t: 0\nmodel name\t: EPYC: 9\nprocessor\t: 1\nmodel name\t: B\n")
+    assert provenance._processor(info) == "EPYC: 9"
+    assert provenance._processor(tmp_path / "none") == platform.processor()
