@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from common.errors import InputError
 from kitti.calibration import Calibration
 from kitti.image_size import image_size_of
+from kitti.point_arrays import as_points
 from kitti.scans import in_camera_view
 from kitti.standard_mounting import standard_mounting
 from models.inference import FrameState, StreamingNetwork
@@ -39,15 +39,22 @@ class Tracker:
         calib: how the scanner is mounted and what the camera sees; None for
             `kitti.standard_mounting`. The networks look at what the camera sees, as they were
             trained.
+        image_size: width and height of the camera's image in pixels, where the calibration does
+            not say it (see `kitti.image_size`).
         parameters: fields of `tracking.association_to_trajectory.AssociationParameters`.
     """
 
     def __init__(
-        self, network: StreamingNetwork, calib: Calibration | None = None, **parameters: float
+        self,
+        network: StreamingNetwork,
+        calib: Calibration | None = None,
+        image_size: tuple[int, int] | None = None,
+        **parameters: float,
     ):
         self.network = network
         self.calib = standard_mounting() if calib is None else calib
-        self.image_size = image_size_of(self.calib)
+        self.image_size = image_size_of(self.calib, image_size)
+        self.dropped = 0  # points of the last scan, see `update`
         self.class_names = np.array(network.detector.config.box.classes)
         self._association = make_tracker("pointtracknet", **parameters)
         self._previous: FrameState | None = None
@@ -59,6 +66,7 @@ class Tracker:
         cls,
         weights: str | Path | None = None,
         calib: Calibration | None = None,
+        image_size: tuple[int, int] | None = None,
         **parameters: float,
     ) -> Tracker:
         """With the networks of a folder that holds detector.npz and tracker.npz.
@@ -70,7 +78,7 @@ class Tracker:
             InputError: weights are missing, broken or do not belong together.
         """
         folder = default_weights() if weights is None else weights
-        return cls(StreamingNetwork(*load_networks(folder)), calib, **parameters)
+        return cls(StreamingNetwork(*load_networks(folder)), calib, image_size, **parameters)
 
     def points_level(self, scan: np.ndarray) -> np.ndarray:
         """(n, >=3) scan, Velodyne frame, metres -> (m, 3) float32 level frame, camera crop."""
@@ -81,20 +89,19 @@ class Tracker:
         """Takes the next scan and returns the tracks that are to be reported for it.
 
         Args:
-            points: (n, >=3) float, Velodyne frame (x ahead, y left, z up), metres; n may be 0
-                for a frame without a scan.
+            points: (n, >=3), Velodyne frame (x ahead, y left, z up), metres; n may be 0 for a
+                frame without a scan. Organised clouds (H, W, >=3) and structured arrays with
+                fields x, y, z are taken too. Points without a return (NaN, infinity, beyond 1000
+                m) are dropped; `dropped` is their number.
 
         Returns:
             Tracks: boxes (T, 7) in the level frame, ids, scores. `types` tells their classes.
 
         Raises:
-            InputError: points of another shape, or not finite.
+            InputError: another shape or type, or no finite point at all; the scan then counts as
+                not given, and the next one is tracked as if it followed the last good one.
         """
-        points = np.asarray(points, np.float32)
-        if points.ndim != 2 or points.shape[1] < 3:
-            raise InputError(f"expected points of shape (n, >=3), found {points.shape}")
-        if not np.isfinite(points).all():
-            raise InputError("expected finite points, found NaN or infinity")
+        points, self.dropped = as_points(points)
         state = self.network.detect(self.points_level(points), self.frame)
         cues = {}
         if self._previous is not None:

@@ -2,61 +2,97 @@
 
     python track.py --scans DIR --out DIR
 
-Scans are KITTI's .bin files (x, y, z, intensity as float32; x ahead, y left, z up). `--out` gets
-NAME.txt, a KITTI result file, and three pictures.
+Scans are KITTI's .bin files (x, y, z, intensity as float32; x ahead, y left, z up in metres), or
+.npy, .pcd, .ply; docs/DATA.md describes other layouts. `--out` gets NAME.txt, a KITTI result file
+(or --format csv, jsonl), and three pictures. Objects are found where the camera of the calibration
+looks: the networks were trained on its view.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from common import flags
-from common.errors import InputError
+from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
 from kitti.boxes import project_boxes
-from kitti.calibration import Calibration, read_calibration
-from kitti.labels import Objects, write_results
-from kitti.scans import read_scan
+from kitti.calibration import read_calibration
+from kitti.camera_view import check_view
+from kitti.image_size import describe_image_size, parse_image_size
+from kitti.objects import Objects
+from kitti.point_arrays import MAX_RANGE
+from kitti.scan_folder import find_scans
+from kitti.scan_layout import KITTI_LAYOUT, ScanLayout
+from kitti.scans import SUFFIXES, read_points
+from kitti.standard_mounting import standard_mounting
+from kitti.track_files import WRITERS, parse_formats, write_tracks
 
+PROBED_SCANS = 3
 NOT_IN_IMAGE = 0.0  # as in evaluation.tracking_loop
 DEFAULT_NAME = "tracks"
 
 
-def find_scans(folder: str | Path) -> dict[int, Path]:
-    """Frame number -> scan, ascending.
+class Scans:
+    """The scans of a folder, by frame number.
 
-    Where every file is named with six digits, as KITTI's are, these are the frame numbers, and a
-    number that is left out is a frame without a scan; other names are numbered in their order.
+    Args:
+        folder: see `kitti.scan_folder.find_scans`.
+        layout: how the files are read.
 
     Raises:
-        InputError: there is no such folder, or no .bin file in it.
+        InputError: as `find_scans`.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError("--scans: expected a directory with .bin files", folder)
-    paths = sorted(folder.glob("*.bin"))
-    if not paths:
-        raise InputError("--scans: found no .bin file", folder)
-    if all(len(path.stem) == 6 and path.stem.isdigit() for path in paths):
-        return {int(path.stem): path for path in paths}
-    return dict(enumerate(paths))
+
+    def __init__(self, folder: str | Path, layout: ScanLayout = KITTI_LAYOUT):
+        self.files, self.layout = find_scans(folder), layout
+        self.dropped: dict[int, int] = {}
+
+    @property
+    def frames(self) -> range:
+        """From the first scan to the last."""
+        return range(min(self.files), max(self.files) + 1)
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def points(self, t: int) -> np.ndarray:
+        """(n, 4) points of frame t, see `read_points`; none for a frame without a scan."""
+        if t not in self.files:
+            return np.zeros((0, 4), np.float32)
+        points, self.dropped[t] = read_points(self.files[t], self.layout)
+        return points
+
+    def probes(self) -> Iterator[np.ndarray]:
+        """The scans of up to `PROBED_SCANS` frames, from the first to the last."""
+        frames = list(self.files)
+        for i in sorted({round(i) for i in np.linspace(0, len(frames) - 1, PROBED_SCANS)}):
+            yield self.points(frames[i])
+
+    def remarks(self) -> Iterator[str]:
+        """On frames without a scan and on points that were dropped."""
+        missing = len(self.frames) - len(self)
+        if missing:
+            yield f"{missing} of {len(self.frames)} frames have no scan (gaps in the numbers)"
+        dropped = sum(self.dropped.values())
+        if dropped:
+            yield (
+                f"{dropped} points without a return were dropped (not finite, or beyond "
+                f"{MAX_RANGE:.0f} m)"
+            )
 
 
-def track_scans(
-    tracker, scans: dict[int, Path], each_frame: Callable[[], None] = lambda: None
-) -> Objects:
+def track_scans(tracker, scans: Scans, each_frame: Callable[[], None] = lambda: None) -> Objects:
     """Result rows of all frames from the first scan to the last.
 
     tracker: a `pointtracknet.Tracker`. Raises InputError for a broken scan.
     """
     parts = [Objects.empty()]
-    for frame in range(min(scans), max(scans) + 1):
-        points = read_scan(scans[frame]) if frame in scans else np.zeros((0, 4), np.float32)
-        tracks = tracker.update(points)
+    for frame in scans.frames:
+        tracks = tracker.update(scans.points(frame))
         bbox = project_boxes(tracks.boxes, tracker.calib, tracker.image_size)
         bbox = np.where(np.isnan(bbox), NOT_IN_IMAGE, bbox)
         parts.append(
@@ -73,38 +109,66 @@ def track_scans(
     return Objects.concatenate(parts)
 
 
-def draw(results: Objects, tracker, scans: dict[int, Path], name: str, out: Path) -> list[Path]:
+def draw(
+    results: Objects, tracker, scans: Scans, name: str, out: Path, max_frames: int
+) -> list[Path]:
     """Bird's-eye view of the last frame, trajectories and an animation; returns their files."""
     from visualization.gallery import draw_unlabelled
 
     def points(t: int):
-        return tracker.points_level(read_scan(scans[t])) if t in scans else None
+        return tracker.points_level(scans.points(t)) if t in scans.files else None
 
-    return draw_unlabelled(name, results, points, min(scans), max(scans), out)
+    first, last = scans.frames[0], scans.frames[-1]
+    return draw_unlabelled(name, results, points, first, last, out, max_frames)
+
+
+def make_parser() -> flags.ArgumentParser:
+    """The command line."""
+    parser = flags.ArgumentParser(description=__doc__.split("\n")[0])
+    add = parser.add_argument
+    add("--scans", type=Path, required=True, help=f"folder of scans ({' '.join(SUFFIXES)})")
+    add("--out", type=Path, required=True, help="folder for what is written")
+    add("--calib", type=Path, help="calibration in KITTI's layout (default: KITTI's mounting)")
+    add("--image_size", help="of the camera, such as 1242x375 (default: from the calibration)")
+    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
+    add("--scan_columns", help="of a scan, such as x,y,z,i,ring or y,-x,z (default: x,y,z,i)")
+    add("--scan_dtype", help="of the numbers in .bin, such as float64 (default: float32)")
+    add("--scan_scale", type=flags.finite_float, default=1.0, help="metres per unit of a scan")
+    add("--format", default="kitti", help=f"of the tracks: {','.join(WRITERS)}, or several")
+    add(
+        "--animation_frames",
+        type=flags.non_negative_int,
+        default=100,
+        help="at most, of the animation; 0: all",
+    )
+    return parser
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Tracks, writes the result file and the pictures, prints where they are."""
-    parser = flags.ArgumentParser(description=__doc__.split("\n")[0])
-    add = parser.add_argument
-    add("--scans", type=Path, required=True, help="folder of .bin files")
-    add("--out", type=Path, required=True, help="folder for what is written")
-    add("--calib", type=Path, help="calibration in KITTI's layout (default: KITTI's mounting)")
-    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
-    args = parser.parse_args(argv)
-    scans = find_scans(args.scans)
+    """Tracks, writes the tracks and the pictures, prints where they are."""
+    args = make_parser().parse_args(argv)
+    formats = parse_formats(args.format)
+    columns = None if args.scan_columns is None else tuple(args.scan_columns.split(","))
+    scans = Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))
+    calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
+    given = None if args.image_size is None else parse_image_size(args.image_size)
+    size, known_from = describe_image_size(calib, given)
+    seen, total = check_view(scans.probes(), calib, size)
     check_writable(args.out)
-    calib: Calibration | None = None if args.calib is None else read_calibration(args.calib)
     from pointtracknet import Tracker  # TensorFlow only where the input is in order
 
-    tracker = Tracker.load(args.weights, calib)
+    tracker = Tracker.load(args.weights, calib, size)
+    print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")
+    print(f"{seen / max(total, 1):.0%} of the points lie in it")
     name = args.scans.resolve().name or DEFAULT_NAME
-    with Progress(max(scans) - min(scans) + 1, "tracking", "frames") as bar:
+    with Progress(len(scans.frames), "tracking", "frames") as bar:
         results = track_scans(tracker, scans, bar.update)
-    path = args.out / f"{name}.txt"
-    write_results(path, results)
+    for remark in scans.remarks():
+        note(remark)
+    files = write_tracks(args.out, name, results, formats)
     print(f"{len(np.unique(results.track_id))} tracks in {len(scans)} scans")
-    for written in (path, *draw(results, tracker, scans, name, args.out)):
+    pictures = draw(results, tracker, scans, name, args.out, args.animation_frames)
+    for written in (*files, *pictures):
         print(written)
 
 

@@ -54,6 +54,12 @@ def make_parser() -> flags.ArgumentParser:
     add("--displacements", type=parse_displacements, default="0", help="metres, one per --results")
     add("--seed", type=flags.non_negative_int, default=0, help="of the displacement")
     add("--frame", type=flags.non_negative_int, help="default: the one with most vehicles")
+    add(
+        "--animation_frames",
+        type=flags.non_negative_int,
+        default=0,
+        help="at most, of the animation; 0: all",
+    )
     add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
     add("--out", type=Path, required=True, help="file to write (network: folder)")
     return parser
@@ -92,7 +98,7 @@ def draw(args: argparse.Namespace) -> list[Path]:
         return [save(trajectories(clips, names), args.out)]
     clip = clips[0]
     if args.figure == "animation":
-        return [animate(clip, args.out)]
+        return [animate(clip, args.out, max_frames=args.animation_frames)]
     frame = clip.busiest_frame() if args.frame is None else args.frame
     if frame >= clip.num_frames:
         raise InputError(f"--frame: expected below {clip.num_frames}, found {frame}")

@@ -1,4 +1,4 @@
-"""Velodyne scans: reading and writing `.bin` files, the camera's crop, drawing N points."""
+"""Scans: reading and writing files, the camera's crop, drawing N points."""
 
 from __future__ import annotations
 
@@ -7,33 +7,75 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from common.files import write_bytes
+from common.files import read_bytes, write_bytes
+from common.notes import note
 from kitti.boxes import IMAGE_SIZE
 from kitti.calibration import Calibration
-from kitti.tables import read_bytes
+from kitti.cloud_files import CLOUD_PARSERS, parse_cloud
+from kitti.point_arrays import MAX_RANGE, as_points
+from kitti.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw_points
 
-BYTES_PER_POINT = 16
-"""A point is four little-endian float32: x, y, z in metres (Velodyne frame) and intensity."""
 MIN_DEPTH = 0.1
 """Metres in front of the left colour camera from which on a point counts as seen."""
+SUFFIXES = (".bin", *CLOUD_PARSERS)
+"""Of the files that `read_points` reads."""
+
+
+def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np.ndarray, int]:
+    """Reads a scan of any of `SUFFIXES`; returns its points and the number of points dropped.
+
+    The points are (n, 4) float32: x, y, z (metres, frame of the scanner), and intensity, 0 where
+    the file has none; for what is dropped see `as_points`.
+
+    Raises:
+        InputError: the file cannot be read, is empty, cut off, of another format or layout, or
+            holds no finite point.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"expected a scan ending in {', '.join(SUFFIXES)}", path)
+    data = read_bytes(path)
+    if suffix == ".bin":
+        array = raw_points(data, layout, path)
+    else:
+        array = _cloud(parse_cloud(data, suffix, path), layout, path)
+    try:
+        points, dropped = as_points(array)
+    except InputError as error:
+        raise InputError(str(error), path) from error
+    if points.shape[1] == 3:
+        points = np.pad(points, ((0, 0), (0, 1)))
+    return points, dropped
+
+
+def _cloud(array: np.ndarray, layout: ScanLayout, path: str | Path) -> np.ndarray:
+    """An array of a file as `as_points` takes it, by the layout where one is given."""
+    if layout.dtype is not None:
+        raise InputError("--scan_dtype is of .bin files: this one says its own", path)
+    if layout.columns is None and layout.scale == 1.0:
+        return array
+    names = array.dtype.names
+    if names is not None:
+        array = np.stack([array[name].ravel() for name in names], axis=-1).astype(np.float64)
+    elif array.ndim >= 2:
+        array = array.reshape(-1, array.shape[-1])
+    columns = layout.columns or tuple(names or "xyzi"[: array.shape[-1]])
+    if array.ndim != 2 or array.shape[1] < len(columns):
+        expected = f"{len(columns)} columns {','.join(columns)}"
+        raise InputError(f"--scan_columns: expected {expected}, found shape {array.shape}", path)
+    if "x" not in columns and "-x" not in columns:
+        raise InputError(f"expected fields x, y, z, found {','.join(columns)}", path)
+    return named_columns(array, columns, layout.scale)
 
 
 def read_scan(path: str | Path) -> np.ndarray:
-    """Reads a scan: (n, 4) float32 x, y, z (metres, Velodyne frame), intensity in [0, 1].
+    """Reads a scan in KITTI's layout; (n, 4) float32 as `read_points`, which see for errors.
 
-    Raises:
-        InputError: the file cannot be read, is empty, is no whole number of points, or holds a
-            value that is not finite.
+    That points are dropped is noted once for each folder.
     """
-    data = read_bytes(path)
-    if not data or len(data) % BYTES_PER_POINT:
-        raise InputError(
-            f"expected a positive multiple of {BYTES_PER_POINT} bytes, found {len(data)}", path
-        )
-    points = np.frombuffer(data, "<f4").astype(np.float32, copy=True).reshape(-1, 4)
-    if not np.isfinite(points).all():
-        row = int(np.argmax(~np.isfinite(points).all(axis=1)))
-        raise InputError(f"point {row}: expected finite numbers", path)
+    points, dropped = read_points(path)
+    if dropped:
+        note(f"{Path(path).parent}: points that are not finite or beyond {MAX_RANGE:.0f} m dropped")
     return points
 
 

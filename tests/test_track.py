@@ -1,5 +1,7 @@
 """track.py and the library's Tracker, on a network that finds what it is told and on a real one."""
 
+import csv
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +13,7 @@ from common import flags
 from common.errors import InputError
 from kitti.calibration import write_calibration
 from kitti.labels import read_results
+from kitti.point_arrays import as_points
 from kitti.scans import write_scan
 from kitti.standard_mounting import standard_mounting
 from models.detections import Detections
@@ -66,22 +69,71 @@ def test_a_frame_without_points_is_survived():
 
 @pytest.mark.parametrize(
     ("points", "message"),
-    [(np.zeros((4, 2)), "shape"), (np.full((4, 4), np.nan), "finite")],
+    [
+        (np.zeros((4, 2)), "shape"),
+        (np.full((4, 4), np.nan), "finite"),
+        (np.zeros((4, 40)), "transpose it"),
+        (np.full((4, 4), 1e30), "expected metres, found 4 of 4 points beyond 1000 m"),
+        (np.zeros(3, [("x", "f4"), ("y", "f4")]), "expected fields x, y, z .*found x, y"),
+        (np.array([["a", "b", "c"]]), "real numbers"),
+        ([[1, 2, 3], [4]], "expected an array of points"),
+        (None, "real numbers"),
+    ],
 )
 def test_bad_points_are_refused(points, message):
     with pytest.raises(InputError, match=message):
         Tracker(ScriptedNetwork()).update(points)
 
 
+def as_structured(points: np.ndarray) -> np.ndarray:
+    fields = ["intensity", "z", "y", "x"]
+    array = np.zeros(len(points), [(name, "f8") for name in fields])
+    for name, column in zip(fields, points.T[::-1], strict=True):
+        array[name] = column
+    return array
+
+
+def with_no_returns(points: np.ndarray) -> np.ndarray:
+    bad = [[np.nan] * 4, [5, np.inf, 0, 0], [1e30, 0, 0, 0.5]]
+    return np.insert(points.astype(np.float64), 7, bad, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("change", "dropped"),
+    [
+        (lambda points: points.astype(np.float64), 0),
+        (lambda points: points.tolist(), 0),
+        (lambda points: points.reshape(20, 20, 4), 0),
+        (as_structured, 0),
+        (lambda points: as_structured(points).reshape(20, 20), 0),
+        (with_no_returns, 3),
+        (lambda points: points * [1, 1, 1, np.nan], 0),
+    ],
+)
+def test_a_scan_may_be_held_in_any_array(change, dropped):
+    points, found = as_points(change(scan()))
+    assert (points.dtype, found) == (np.float32, dropped)
+    np.testing.assert_array_equal(points[:, :3], scan()[:, :3])
+
+
+def test_a_refused_scan_leaves_the_tracker_as_it_was():
+    tracker = Tracker(ScriptedNetwork())
+    tracker.update(scan(0))
+    with pytest.raises(InputError):
+        tracker.update(np.full((5, 4), 1e30))
+    tracks = tracker.update(np.vstack([scan(1), [[1e30, 0, 0, 0]]]))
+    assert (tracks.ids.tolist(), tracker.dropped, tracker.frame) == ([0], 1, 2)
+
+
 def test_frame_numbers_come_from_six_digits_or_from_the_order(tmp_path):
     for name in ("000007", "000009"):
         write_scan(tmp_path / f"{name}.bin", scan())
-    assert list(track.find_scans(tmp_path)) == [7, 9]
+    scans = track.Scans(tmp_path)
+    assert list(scans.files) == [7, 9]
     write_scan(tmp_path / "1317617735.bin", scan())
-    assert list(track.find_scans(tmp_path)) == [0, 1, 2]
-    results = track.track_scans(
-        Tracker(ScriptedNetwork()), {7: tmp_path / "000007.bin", 9: tmp_path / "000009.bin"}
-    )
+    assert list(track.Scans(tmp_path).files) == [0, 1, 2]
+    results = track.track_scans(Tracker(ScriptedNetwork()), scans)
+    assert list(scans.remarks()) == ["1 of 3 frames have no scan (gaps in the numbers)"]
     assert results.frame.tolist() == [7, 9]  # 8 has no scan: nothing is found there
     assert (results.bbox[:, 2] > results.bbox[:, 0]).all()
 
@@ -93,10 +145,17 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
         write_scan(tmp_path / "drive" / f"{t:06d}.bin", scan(t))
     write_calibration(tmp_path / "calib.txt", standard_mounting())
     argv = ["--scans", tmp_path / "drive", "--weights", weights, "--calib", tmp_path / "calib.txt"]
-    argv = [str(a) for a in (*argv, "--out", tmp_path / "out")]
-    assert flags.run(track.main, argv) == 0
-    printed = capsys.readouterr().out
-    read_results(tmp_path / "out" / "drive.txt", 3)
+    argv += ["--out", tmp_path / "out", "--format", "kitti,csv,jsonl", "--animation_frames", 2]
+    assert flags.run(track.main, [str(a) for a in argv]) == 0
+    printed, remarks = capsys.readouterr()
+    assert "camera: 1242 x 375 pixels (KITTI's camera)" in printed
+    assert "the first 2 of 3 frames; --animation_frames 0: all" in remarks
+    results = read_results(tmp_path / "out" / "drive.txt", 3)
+    rows = [json.loads(line) for line in (tmp_path / "out" / "drive.jsonl").open()]
+    table = list(csv.DictReader((tmp_path / "out" / "drive.csv").open()))
+    assert [int(row["id"]) for row in table] == [row["id"] for row in rows]
+    assert [row["frame"] for row in rows] == results.frame.tolist()
+    np.testing.assert_allclose([row["length"] for row in rows], results.boxes[:, 3], atol=1e-5)
     for name in ("drive.txt", "birds_eye.png", "trajectories.png", "animation.gif"):
         assert (tmp_path / "out" / name).is_file() and str(tmp_path / "out" / name) in printed
 
@@ -110,6 +169,7 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
             lambda folder: write_scan(folder / "a.bin", scan()),
             "detector.npz: expected a checkpoint",
         ),
+        (lambda folder: write_scan(folder / "0.bin", scan()[:, [1, 0, 2, 3]]), "points lie in the"),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, capsys, make, message):

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from common.files import atomic_path
+from common.notes import note
 from visualization.clip import Clip
 from visualization.drawing import (
     TEXT,
@@ -75,6 +76,11 @@ class Stage:
         )
 
 
+def animated_frames(num_frames: int, max_frames: int) -> int:
+    """The number of frames in an animation of at most `max_frames` (0: all)."""
+    return min(num_frames, max_frames or num_frames)
+
+
 def animate(
     clip: Clip,
     path: str | Path,
@@ -82,10 +88,13 @@ def animate(
     max_frames: int = 100,
     each_frame: Callable[[], None] = lambda: None,
 ) -> Path:
-    """Writes the first `max_frames` frames as an endless GIF."""
+    """Writes the first `max_frames` frames (0: all) as an endless GIF; notes what is left out."""
+    count = animated_frames(clip.num_frames, max_frames)
+    if count < clip.num_frames:
+        note(f"{path}: the first {count} of {clip.num_frames} frames; --animation_frames 0: all")
     stage = Stage(clip, title or f"sequence {clip.name}")
     images = []
-    for t in range(min(clip.num_frames, max_frames)):
+    for t in range(count):
         stage.draw(t)
         images.append(stage.image())
         each_frame()

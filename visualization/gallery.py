@@ -12,7 +12,7 @@ import numpy as np
 from common.errors import InputError
 from common.progress import Progress
 from kitti.labels import Objects
-from visualization.animation import animate
+from visualization.animation import animate, animated_frames
 from visualization.association import association
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
@@ -52,7 +52,7 @@ def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> N
     clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips.
     """
     first = clips[0]
-    frames = min(first.num_frames, 100)
+    frames = animated_frames(first.num_frames, 100)
     with Progress(frames + 1 + len(clips), "pictures of tracks", "pictures") as bar:
         t = first.busiest_frame()
         save(birds_eye(first, t, f"{titles[0]}, frame {t}"), folder / "birds_eye.png")
@@ -69,21 +69,23 @@ def draw_unlabelled(
     first: int,
     last: int,
     folder: Path,
+    max_frames: int = 100,
 ) -> list[Path]:
     """Fig. 1 and Fig. 6 at the last of the frames first ... last, and the animation, without truth.
 
-    results, points: as in `Clip`, frames counted as the files are; returns the files written.
+    results, points: as in `Clip`, frames counted as the files are; max_frames: as in `animate`.
+    Returns the files written.
     """
     shifted = replace(results, frame=results.frame - first)
     count = last - first + 1
     clip = Clip(name, count, lambda t: points(t + first), shifted, Objects.empty())
     paths = [folder / file for file in ("birds_eye.png", "trajectories.png", "animation.gif")]
-    with Progress(min(count, 100) + 2, "pictures", "pictures") as bar:
+    with Progress(animated_frames(count, max_frames) + 2, "pictures", "pictures") as bar:
         save(birds_eye(clip, count - 1, f"{name}, frame {last}"), paths[0])
         bar.update()
         save(trajectories([clip], [name]), paths[1], dpi=110)
         bar.update()
-        animate(clip, paths[2], name, min(count, 100), bar.update)
+        animate(clip, paths[2], name, max_frames, bar.update)
     return paths
 
 

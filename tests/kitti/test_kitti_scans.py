@@ -12,7 +12,7 @@ from kitti.scans import in_camera_view, read_scan, sample_points, write_scan
 
 
 def test_round_trip(tmp_path):
-    points = np.random.default_rng(0).normal(size=(7, 4)).astype(np.float32)
+    points = np.random.default_rng(0).uniform(size=(7, 4)).astype(np.float32)
     write_scan(tmp_path / "0.bin", points)
     again = read_scan(tmp_path / "0.bin")
     assert again.dtype == np.float32
@@ -29,17 +29,23 @@ def test_write_refuses_other_shapes(tmp_path):
 @pytest.mark.parametrize("size", [0, 1, 15, 17, 40])
 def test_truncated_or_empty(tmp_path, size):
     (tmp_path / "0.bin").write_bytes(b"\x00" * size)
-    with pytest.raises(InputError, match=rf"multiple of 16 bytes, found {size}$"):
+    with pytest.raises(
+        InputError, match=rf"multiple of 16 bytes, found {size} \(float32 x,y,z,i\)"
+    ):
         read_scan(tmp_path / "0.bin")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_not_finite(tmp_path, value):
-    points = np.zeros((5, 4), np.float32)
+def test_points_without_a_return_are_dropped_with_a_note(tmp_path, capsys, value):
+    points = np.arange(20, dtype=np.float32).reshape(5, 4)
     points[3, 1] = value
-    write_scan(tmp_path / "0.bin", points)
-    with pytest.raises(InputError, match="point 3: expected finite"):
-        read_scan(tmp_path / "0.bin")
+    for name in ("0.bin", "1.bin"):
+        write_scan(tmp_path / name, points)
+        np.testing.assert_array_equal(read_scan(tmp_path / name), points[[0, 1, 2, 4]])
+    assert capsys.readouterr().err.count("note: ") == 1
+    write_scan(tmp_path / "2.bin", np.full((5, 4), value, np.float32))
+    with pytest.raises(InputError, match=r"2\.bin: expected finite points, found none among 5"):
+        read_scan(tmp_path / "2.bin")
 
 
 def test_directory_or_missing(tmp_path):

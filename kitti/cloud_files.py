@@ -1,0 +1,66 @@
+"""Point clouds of other projects as arrays: .npy (NumPy), .pcd (PCL), .ply (Stanford)."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+from common.npy import parse_npy
+
+_COMPRESSION = 300  # at most, of LZF: three bytes stand for 264
+
+
+def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
+    """The content of a file as an array, plain (.npy) or structured, by its suffix.
+
+    Raises:
+        InputError: the content is not of that format, cut off, or declares more than it holds.
+    """
+    try:
+        return CLOUD_PARSERS[suffix](data)
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise whatever the damage leads to
+        reason = str(error) or type(error).__name__
+        raise InputError(f"not a whole {suffix} file: {reason[:200]}", path) from error
+
+
+def _parse_pcd(data: bytes) -> np.ndarray:
+    from pypcd4 import Encoding, MetaData, PointCloud
+
+    header = []
+    for line in io.BytesIO(data[:10_000]):
+        header.append(line.decode("ascii").strip())
+        if header[-1].startswith("DATA"):
+            break
+    meta = MetaData.parse_header([line for line in header if line and not line.startswith("#")])
+    each = 1 if meta.data == Encoding.ASCII else meta.build_dtype().itemsize
+    packed = meta.data not in (Encoding.ASCII, Encoding.BINARY)
+    if meta.points * each > len(data) * (_COMPRESSION if packed else 1):
+        raise ValueError(f"{meta.points} points declared in {len(data)} bytes")
+    points = np.atleast_1d(PointCloud.from_fileobj(io.BytesIO(data)).pc_data)
+    if len(points) != meta.points:
+        raise ValueError(f"{meta.points} points declared, {len(points)} found")
+    return points
+
+
+def _parse_ply(data: bytes) -> np.ndarray:
+    from plyfile import PlyData
+
+    counts = re.findall(rb"^element\s+\S+\s+(\d+)", data[:10_000], re.MULTILINE)
+    if any(int(count) > len(data) for count in counts):
+        raise ValueError(f"{max(map(int, counts))} elements declared in {len(data)} bytes")
+    return PlyData.read(io.BytesIO(data))["vertex"].data
+
+
+CLOUD_PARSERS: dict[str, Callable[[bytes], np.ndarray]] = {
+    ".npy": parse_npy,
+    ".pcd": _parse_pcd,
+    ".ply": _parse_ply,
+}
+"""By suffix."""

@@ -1,0 +1,77 @@
+"""Points in memory: any array that people hold a scan in -> rows of finite float32."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from common.errors import InputError
+
+MAX_RANGE = 1000.0
+"""Metres along an axis; a point beyond it is a fault of the scanner."""
+_INTENSITY = ("intensity", "i", "reflectance", "reflectivity", "scalar_intensity", "remission")
+_TRANSPOSED = 32  # columns; more of them in 3 or 4 rows are points side by side
+
+
+def as_points(array: Any) -> tuple[np.ndarray, int]:
+    """(n, 3 or 4) float32 x, y, z (metres) and intensity, and the number of points dropped.
+
+    Args:
+        array: (n, >= 3), an organised cloud (H, W, >= 3), or a structured array of any shape with
+            fields x, y, z and perhaps intensity.
+
+    A point without a return (NaN or infinity in x, y or z) and one beyond `MAX_RANGE` are dropped;
+    the intensity, which nothing depends on, may be NaN.
+
+    Raises:
+        InputError: another shape or type, or no finite point at all, or more than half beyond
+            `MAX_RANGE`.
+    """
+    try:
+        array = np.asarray(array)
+    except ValueError as error:
+        raise InputError(f"expected an array of points: {error}") from error
+    if array.dtype.names is not None:
+        array = from_fields(array)
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"expected points of real numbers, found dtype {array.dtype}")
+    shape = array.shape
+    if array.ndim == 3:
+        array = array.reshape(-1, shape[2])
+    if array.ndim != 2 or array.shape[1] < 3:
+        raise InputError(f"expected points of shape (n, >=3) or (H, W, >=3), found {shape}")
+    if array.shape[0] in (3, 4) and array.shape[1] > _TRANSPOSED:
+        raise InputError(f"expected points of shape (n, >=3), found {shape}: transpose it")
+    return _returns(array[:, :4])
+
+
+def _returns(points: np.ndarray) -> tuple[np.ndarray, int]:
+    with np.errstate(invalid="ignore"):
+        inside = np.abs(points[:, :3]) <= MAX_RANGE
+    near = inside.all(axis=1) if not inside.all() else np.ones(len(points), bool)
+    finite = near | np.isfinite(points[:, :3]).all(axis=1)
+    if len(points) and not finite.any():
+        raise InputError(f"expected finite points, found none among {len(points)}")
+    far = int(finite.sum() - near.sum())
+    if far > near.sum():
+        raise InputError(
+            f"expected metres, found {far} of {len(points)} points beyond {MAX_RANGE:.0f} m"
+        )
+    with np.errstate(over="ignore"):  # an intensity may be any number
+        return points[near].astype(np.float32), len(points) - int(near.sum())
+
+
+def from_fields(array: np.ndarray) -> np.ndarray:
+    """A structured array of any shape -> (n, 3 or 4) float64 x, y, z and intensity.
+
+    Raises:
+        InputError: it has no fields x, y, z of one real number each.
+    """
+    by_name = {name.lower(): name for name in reversed(array.dtype.names)}
+    wanted = [by_name.get(axis) for axis in "xyz"]
+    wanted += [by_name[name] for name in _INTENSITY if name in by_name][:1]
+    if None in wanted or any(array.dtype[name].kind not in "fiu" for name in wanted):
+        found = ", ".join(array.dtype.names)
+        raise InputError(f"expected fields x, y, z (and intensity) of numbers, found {found}")
+    return np.stack([array[name].ravel().astype(np.float64) for name in wanted], axis=1)

@@ -1,0 +1,114 @@
+"""A folder of scans: which file is which frame, told from the names."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from itertools import pairwise
+from pathlib import Path
+
+from common.errors import InputError
+from kitti.scans import SUFFIXES
+
+MAX_FRAME_NUMBER = 10**6
+"""Larger numbers are times: they give an order, and no frame is missing between two of them."""
+MAX_SPAN = 100_000
+"""Most frames from the first scan to the last."""
+_NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
+_NANOSECONDS = 9  # digits
+
+
+def find_scans(folder: str | Path) -> dict[int, Path]:
+    """Frame number -> scan, ascending.
+
+    Names are numbers of any width (000007, 7, 0000000007), perhaps between a text that is the same
+    in all names (scan_7). They are the frame numbers, and a number that is left out is a frame
+    without a scan. Times (numbers from 10^6 on, or two numbers such as seconds.nanoseconds) are
+    put in order and numbered from 0. Hidden files are passed over.
+
+    Raises:
+        InputError: there is no such folder or no scan in it; files of several formats; names that
+            are no numbers, or of several kinds, or the same number twice.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"--scans: expected a directory with {SUFFIXES[0]} files", folder)
+    paths = [
+        path
+        for path in sorted(folder.iterdir())
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+    ]
+    if not paths:
+        raise InputError(f"--scans: found no {SUFFIXES[0]} file ({' '.join(SUFFIXES)})", folder)
+    kinds = sorted({path.suffix.lower() for path in paths})
+    if len(kinds) > 1:
+        raise InputError(f"--scans: expected files of one format, found {' '.join(kinds)}", folder)
+    return _numbered(paths) if len(paths) > 1 else _single(paths[0])
+
+
+def _single(path: Path) -> dict[int, Path]:
+    match = _NUMBER.fullmatch(path.stem)
+    number = int(match[1]) if match and match[3] is None else 0
+    return {number if number < MAX_FRAME_NUMBER else 0: path}
+
+
+def _numbered(paths: list[Path]) -> dict[int, Path]:
+    """Two scans or more by frame number."""
+    matches = _matches(paths)
+    separators = {match[2] for match in matches}
+    if len(separators) > 1:
+        odd = next(p for p, m in zip(paths, matches, strict=True) if m[2] != matches[0][2])
+        raise InputError(f"--scans: expected names like {paths[0].name}, found {odd.name}", odd)
+    keys = [_key(match) for match in matches]
+    _check_fractions(paths, matches)
+    order = sorted(range(len(paths)), key=keys.__getitem__)
+    for before, after in pairwise(order):
+        if keys[before] == keys[after]:
+            names = f"{paths[before].name} and {paths[after].name}"
+            raise InputError(f"--scans: {names} have the same number", paths[after].parent)
+    largest = keys[order[-1]][0]
+    if separators != {None} or largest >= MAX_FRAME_NUMBER:
+        return {frame: paths[i] for frame, i in enumerate(order)}
+    span = largest - keys[order[0]][0] + 1
+    if span > MAX_SPAN:
+        ends = f"{paths[order[0]].name} to {paths[order[-1]].name}"
+        raise InputError(
+            f"--scans: {ends} are {span} frames, expected at most {MAX_SPAN}", paths[0].parent
+        )
+    return {int(keys[i][0]): paths[i] for i in order}
+
+
+def _matches(paths: list[Path]) -> list[re.Match[str]]:
+    """The numbers in the names, after the text that all names begin with."""
+    first, last = min(path.stem for path in paths), max(path.stem for path in paths)
+    same = (i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
+    begin = first[: next(same, len(first))].rstrip("0123456789")
+    begin = begin if re.search(r"[^\d._-]", begin, re.ASCII) else ""
+    matches = [_NUMBER.fullmatch(path.stem[len(begin) :]) for path in paths]
+    for path, match in zip(paths, matches, strict=True):
+        if match is None:
+            raise InputError(
+                "--scans: expected names that are numbers, such as 000007 or 1317617735.25, "
+                f"found {path.name}",
+                path.parent,
+            )
+        if match[4] != matches[0][4]:
+            names = f"{paths[0].name} and {path.name}"
+            raise InputError(f"--scans: expected names of one kind, found {names}", path.parent)
+    return matches
+
+
+def _key(match: re.Match[str]) -> tuple:
+    if match[2] == ".":
+        return (Decimal(f"{match[1]}.{match[3]}"),)
+    return (int(match[1]), int(match[3] or 0))
+
+
+def _check_fractions(paths: list[Path], matches: list[re.Match[str]]) -> None:
+    """Refuses seconds.nanoseconds without leading zeros, whose order is not that of decimals."""
+    widths = [len(match[3] or "") for match in matches if match[2] == "."]
+    if len(set(widths)) > 1 and max(widths) >= _NANOSECONDS:
+        odd = paths[widths.index(min(widths))]
+        raise InputError(
+            f"--scans: expected {_NANOSECONDS} digits after the point in every name", odd
+        )

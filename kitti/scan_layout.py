@@ -1,0 +1,167 @@
+"""Layout of a raw `.bin` scan: which columns, which numbers; wrong layouts told from the content.
+
+A raw scan says nothing of its layout. KITTI's is four little-endian float32: x, y, z in metres and
+an intensity. Other files give implausible numbers when they are read that way; the columns for
+which they are plausible are then searched for and named in the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+
+KITTI_COLUMNS = ("x", "y", "z", "i")
+_CANDIDATES = (
+    ("x", "y", "z"),
+    KITTI_COLUMNS,
+    (*KITTI_COLUMNS, "ring"),
+    (*KITTI_COLUMNS, "ring", "t"),
+)
+_DTYPES = ("<f4", "<f8", ">f4")
+_NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4"}
+_MILLIMETRES = "; --scan_scale 0.001 reads millimetres"
+_FAR = 500.0  # metres; no automotive scanner measures farther
+_MAX_INTENSITY = 65535.0
+_MAX_RING = 255.0
+_STRAY = 0.01  # share of implausible numbers that a right layout may hold
+_FLAT = 0.6  # of a scene: its height's spread to that of its wider horizontal axis
+
+
+@dataclass(frozen=True)
+class ScanLayout:
+    """How the numbers of a scan are read.
+
+    Attributes:
+        columns: names in file order: x, y, z, i (intensity), others are passed over; "-y" turns the
+            axis round. None: by the file itself, for .bin KITTI's x, y, z, i.
+        dtype: of the numbers in .bin, such as float64; None: float32.
+        scale: metres per unit of length.
+    """
+
+    columns: tuple[str, ...] | None = None
+    dtype: str | None = None
+    scale: float = 1.0
+
+    def __post_init__(self):
+        if self.columns is not None:
+            bare = [name.removeprefix("-") for name in self.columns]
+            if any(bare.count(axis) != 1 for axis in "xyz") or bare.count("i") > 1:
+                found = ",".join(self.columns)
+                raise InputError(f"--scan_columns: expected x, y, z once, like x,y,z,i: {found!r}")
+        try:
+            if self.dtype is not None and np.dtype(self.dtype).kind not in "fiu":
+                raise TypeError
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"--scan_dtype: expected such as float32, float64, int16, found {self.dtype!r}"
+            ) from error
+        if not 0 < self.scale < np.inf:
+            raise InputError(f"--scan_scale: expected metres above 0, found {self.scale}")
+
+
+KITTI_LAYOUT = ScanLayout()
+
+
+def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
+    """The bytes of a `.bin` scan as (n, >= 3): x, y, z in metres, and an intensity if it has one.
+
+    Raises:
+        InputError: the bytes are no whole number of points, or, where the layout is not given,
+            their numbers are not plausible in KITTI's.
+    """
+    columns = layout.columns or KITTI_COLUMNS
+    dtype = np.dtype(layout.dtype or np.float32)
+    if dtype.byteorder != ">":
+        dtype = dtype.newbyteorder("<")
+    size = dtype.itemsize * len(columns)
+    given = layout.columns is not None or layout.dtype is not None
+    if not data or len(data) % size:
+        hint = "" if given or not data else _hint(data)
+        raise InputError(
+            f"expected a positive multiple of {size} bytes, found {len(data)} "
+            f"({dtype.name} {','.join(columns)}){hint}",
+            path,
+        )
+    numbers = np.frombuffer(data, dtype).reshape(-1, len(columns))
+    points = named_columns(numbers, columns, layout.scale)
+    seen = "" if given else _implausible(points)
+    if seen:
+        hint = "" if seen.endswith(_MILLIMETRES) else _hint(data)
+        expected = "expected float32 x,y,z in metres and an intensity"
+        raise InputError(f"{expected}, found {seen}{hint}", path)
+    return points
+
+
+def named_columns(numbers: np.ndarray, columns: tuple[str, ...], scale: float = 1.0) -> np.ndarray:
+    """(n, C) numbers -> (n, 3 or 4) x, y, z (times `scale`) and intensity, by column names."""
+    bare = [name.removeprefix("-") for name in columns]
+    wanted = [*"xyz", *("i" for name in bare if name == "i")]
+    points = np.stack([numbers[:, bare.index(name)] for name in wanted], axis=1)
+    turned = [axis for axis, name in enumerate("xyz") if f"-{name}" in columns]
+    if turned or scale != 1.0:
+        points = points.astype(np.float64)
+        points[:, turned] *= -1.0
+        points[:, :3] *= scale
+    return points
+
+
+def _implausible(numbers: np.ndarray) -> str:
+    """The fault of (n, 4) numbers that are no x, y, z in metres and intensity; "" if plausible."""
+    xyz, intensity = numbers[:, :3], numbers[:, 3]
+    if -_FAR <= xyz.min() <= xyz.max() <= _FAR and 0 <= intensity.min() <= intensity.max() <= 255:
+        return ""
+    with np.errstate(invalid="ignore"):
+        size = np.abs(xyz)
+        strange = np.isfinite(xyz) & ((size > 1e6) | ((size > 0) & (size < 1e-12)))
+        if strange.mean() > _STRAY:
+            return f"{strange.mean():.0%} of the coordinates below 1e-12 or above 1e6"
+        far = np.isfinite(size).all(axis=1) & (size > _FAR).any(axis=1)
+        if far.mean() > 0.5:
+            middle = np.median(np.linalg.norm(xyz[far], axis=1))
+            return f"a median range of {middle:.4g}{_MILLIMETRES}"
+        known = np.isfinite(intensity)
+        outside = known & ((intensity < 0) | (intensity > _MAX_INTENSITY))
+    if outside.mean() > _STRAY:
+        return (
+            f"intensities from {intensity[known].min():.4g} to {intensity[known].max():.4g} "
+            f"({outside.mean():.0%} outside 0 to {_MAX_INTENSITY:.0f})"
+        )
+    return ""
+
+
+def _hint(data: bytes) -> str:
+    """The flags of the layout that the bytes are most plausible in."""
+    found = []
+    for dtype in _DTYPES:
+        for columns in _CANDIDATES:
+            if len(data) % (np.dtype(dtype).itemsize * len(columns)) == 0:
+                numbers = np.frombuffer(data, dtype).reshape(-1, len(columns))
+                with np.errstate(invalid="ignore"):
+                    flatness = _flatness(numbers.astype(np.float64))
+                if flatness < _FLAT:
+                    found.append((flatness, len(columns), _NAMES[dtype], ",".join(columns)))
+    if not found:
+        return "; --scan_columns and --scan_dtype read other layouts"
+    _, _, dtype, columns = min(found)
+    return f"; it looks like {dtype} {columns}: --scan_columns {columns} --scan_dtype {dtype}"
+
+
+def _flatness(numbers: np.ndarray) -> float:
+    """Spread of z over that of x or y; infinity where the numbers are no plausible scan."""
+    numbers = numbers[np.isfinite(numbers[:, :3]).all(axis=1)]
+    if not len(numbers):
+        return np.inf
+    size = np.abs(numbers[:, :3])
+    strange = (size > _FAR) | ((size > 0) & (size < 1e-12))
+    for column, most in zip(numbers.T[3:5], (_MAX_INTENSITY, _MAX_RING), strict=False):
+        if ((column < 0) | (column > most)).mean() > _STRAY:
+            return np.inf
+    if numbers.shape[1] > 4 and (numbers[:, 4] != np.rint(numbers[:, 4])).any():
+        return np.inf
+    low, high = np.percentile(numbers[:, :3], (5, 95), axis=0)
+    width = max(high[:2] - low[:2])
+    return (high[2] - low[2]) / width if width > 0 and strange.mean() <= _STRAY else np.inf

@@ -1,0 +1,177 @@
+"""Scans of any layout and format: read where they are described, refused with a hint elsewhere."""
+
+import re
+
+import numpy as np
+import pytest
+from plyfile import PlyData, PlyElement
+from pypcd4 import Encoding, PointCloud
+
+from common.errors import InputError
+from kitti.scan_layout import ScanLayout
+from kitti.scans import read_points, write_scan
+
+NAMES = ("x", "y", "z", "intensity")
+
+
+def cloud(count: int = 1200) -> np.ndarray:
+    """(n, 4) float32: a flat scene around the scanner, in the order that a scanner measures."""
+    rng = np.random.default_rng(0)
+    angle, away = np.linspace(-3, 3, count), rng.gamma(3, 6, count)
+    x, y, z = away * np.cos(angle), away * np.sin(angle), rng.normal(-1, 0.6, count)
+    return np.column_stack([x, y, z, rng.uniform(0, 1, count)]).astype(np.float32)
+
+
+def ring(count: int = 1200) -> np.ndarray:
+    return np.random.default_rng(1).integers(0, 64, count)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "columns", "dtype"),
+    [
+        (cloud()[:, :3], "x,y,z", "float32"),
+        (np.column_stack([cloud(), ring()]).astype("f4"), "x,y,z,i,ring", "float32"),
+        (cloud().astype("f8"), "x,y,z,i", "float64"),
+        (cloud()[:, :3].astype("f8"), "x,y,z", "float64"),
+        (cloud().astype(">f4"), "x,y,z,i", ">f4"),
+    ],
+)
+def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype):
+    for count in (1200, 1197):
+        path = tmp_path / "0.bin"
+        path.write_bytes(numbers[:count].tobytes())
+        hint = f"it looks like {dtype} {columns}: --scan_columns {columns} --scan_dtype {dtype}"
+        with pytest.raises(InputError, match=re.escape(hint)):
+            read_points(path)
+        points, dropped = read_points(path, ScanLayout(tuple(columns.split(",")), dtype))
+        assert (points.dtype, dropped) == (np.float32, 0)
+        np.testing.assert_array_equal(points[:, :3], cloud()[:count, :3])
+
+
+def test_kittis_layout_is_read_with_any_intensity(tmp_path):
+    for intensity in (np.zeros(1200), np.full(1200, np.nan), np.linspace(0, 255, 1200)):
+        points = np.column_stack([cloud()[:, :3], intensity]).astype(np.float32)
+        write_scan(tmp_path / "0.bin", points)
+        np.testing.assert_array_equal(read_points(tmp_path / "0.bin")[0], points)
+
+
+def test_millimetres_are_named_and_then_read(tmp_path):
+    write_scan(tmp_path / "0.bin", cloud() * np.float32([1000, 1000, 1000, 1]))
+    with pytest.raises(InputError, match=r"a median range of .*; --scan_scale 0\.001 reads mill"):
+        read_points(tmp_path / "0.bin")
+    points, _ = read_points(tmp_path / "0.bin", ScanLayout(scale=0.001))
+    np.testing.assert_allclose(points, cloud(), rtol=1e-6)
+
+
+def test_axes_are_put_in_order(tmp_path):
+    right_ahead_up = np.column_stack([-cloud()[:, 1], cloud()[:, 0], cloud()[:, 2]])
+    right_ahead_up.astype("f4").tofile(tmp_path / "0.bin")
+    layout = ScanLayout(("-y", "x", "z"))
+    np.testing.assert_array_equal(read_points(tmp_path / "0.bin", layout)[0][:, :3], cloud()[:, :3])
+
+
+def test_points_without_a_return_are_dropped_and_counted(tmp_path):
+    points = cloud()
+    points[5, 0], points[6, 1], points[7, 2] = np.nan, np.inf, 1e30
+    write_scan(tmp_path / "0.bin", points)
+    found, dropped = read_points(tmp_path / "0.bin")
+    assert dropped == 3
+    np.testing.assert_array_equal(found, np.delete(cloud(), (5, 6, 7), axis=0))
+    write_scan(tmp_path / "0.bin", points[5:6])
+    with pytest.raises(InputError, match=r"0\.bin: expected finite points, found none among 1"):
+        read_points(tmp_path / "0.bin")
+
+
+def _write(path, kind):
+    structured = np.zeros(1200, [(name, "f4") for name in NAMES])
+    for name, column in zip(NAMES, cloud().T, strict=True):
+        structured[name] = column
+    if kind == "npy":
+        np.save(path, cloud())
+    elif kind == "npy, structured":
+        np.save(path, structured)
+    elif kind == "npy, organised":
+        np.save(path, cloud().reshape(30, 40, 4))
+    elif kind in ("ply", "ply, ascii"):
+        PlyData([PlyElement.describe(structured, "vertex")], text="ascii" in kind).write(path)
+    else:
+        points = PointCloud.from_points(cloud(), NAMES, (np.float32,) * 4)
+        points.save(path, encoding=Encoding(kind.split(", ")[1]))
+
+
+KINDS = (
+    "npy",
+    "npy, structured",
+    "npy, organised",
+    "ply",
+    "ply, ascii",
+    "pcd, ascii",
+    "pcd, binary",
+    "pcd, binary_compressed",
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_formats(tmp_path, kind):
+    path = tmp_path / f"0.{kind[:3]}"
+    _write(path, kind)
+    points, dropped = read_points(path)
+    assert (points.dtype, dropped) == (np.float32, 0)
+    np.testing.assert_allclose(points, cloud(), rtol=1e-5, atol=1e-5)
+    turned, _ = read_points(path, ScanLayout(("y", "-x", "z", "i"), scale=2.0))
+    np.testing.assert_allclose(
+        turned[:, :2], 2 * cloud()[:, [1, 0]] * [-1, 1], rtol=1e-5, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damage_is_one_line(tmp_path, kind):
+    path = tmp_path / f"0.{kind[:3]}"
+    _write(path, kind)
+    whole, rng = path.read_bytes(), np.random.default_rng(0)
+    for _ in range(40):
+        at, length = rng.integers(0, min(len(whole), 400)), rng.integers(0, 40)
+        damaged = whole[:at] + rng.bytes(rng.integers(0, 40)) + whole[at + length :]
+        path.write_bytes(damaged[: rng.integers(len(damaged) // 2, len(damaged) + 1)])
+        try:
+            points, _ = read_points(path)
+        except InputError as error:
+            assert str(error).startswith(str(path)) and "\n" not in str(error)
+        else:
+            assert np.isfinite(points[:, :3]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("0.txt", b"1 2 3", "expected a scan ending in .bin, .npy, .pcd, .ply"),
+        ("0.npy", b"\x93NUMPY", "not a whole .npy file"),
+        ("0.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nend_header\n", "declared"),
+        (
+            "0.pcd",
+            b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2000000000\n"
+            b"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2000000000\n"
+            b"DATA binary_compressed\n12345678",
+            "2000000000 points declared",
+        ),
+    ],
+)
+def test_other_files_are_refused(tmp_path, name, data, message):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=message):
+        read_points(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"columns": ("x", "y")}, "--scan_columns: expected x, y, z once"),
+        ({"columns": ("x", "y", "z", "z")}, "--scan_columns: expected x, y, z once"),
+        ({"dtype": "float33"}, "--scan_dtype: expected such as float32"),
+        ({"dtype": "object"}, "--scan_dtype: expected such as float32"),
+        ({"scale": 0.0}, "--scan_scale"),
+    ],
+)
+def test_bad_layouts(fields, message):
+    with pytest.raises(InputError, match=message):
+        ScanLayout(**fields)

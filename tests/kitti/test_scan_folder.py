@@ -1,0 +1,53 @@
+"""Which scan of a folder is which frame."""
+
+import pytest
+
+from common.errors import InputError
+from kitti.scan_folder import find_scans
+
+
+def frames(folder, names):
+    for name in names:
+        (folder / name).touch()
+    return {frame: path.name for frame, path in find_scans(folder).items()}
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        ([f"{i}.bin" for i in range(12)], list(range(12))),
+        (["0000000000.bin", "0000000002.bin"], [0, 2]),
+        (["000007.bin", "000009.bin"], [7, 9]),
+        (["98.pcd", "99.pcd", "100.pcd"], [98, 99, 100]),
+        (["velo64_8.npy", "velo64_9.npy", "velo64_11.npy"], [8, 9, 11]),
+        (["scan-1_top.ply", "scan-10_top.ply"], [1, 10]),
+        (["999999999.bin", "1000000001.bin"], [0, 1]),  # seconds: no gap
+        (["1317617735.9.bin", "1317617735.25.bin"], [1, 0]),
+        (["99_900000000.bin", "100_5.bin"], [0, 1]),
+        (["5.BIN", "10.BIN"], [5, 10]),
+    ],
+)
+def test_order_is_by_number(tmp_path, names, numbers):
+    found = frames(tmp_path, [*names, ".000003.bin.xyz", ".000004-ab.bin", "notes.txt"])
+    assert found == dict(sorted(zip(numbers, names, strict=True)))
+    assert list(found) == sorted(found)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["a.bin", "b.bin"], "expected names that are numbers.* found a.bin"),
+        (["0.bin", "cloud.bin"], "expected names that are numbers.* found cloud.bin"),
+        (["0.bin", "1_5.bin"], "expected names like 0.bin, found 1_5.bin"),
+        (["0.bin", "1left.bin"], "expected names of one kind, found 0.bin and 1left.bin"),
+        (["01.bin", "1.bin"], "01.bin and 1.bin have the same number"),
+        (["0.bin", "1.pcd"], "expected files of one format, found .bin .pcd"),
+        (["0.bin", "999999.bin"], "0.bin to 999999.bin are 1000000 frames, expected at most"),
+        (["\u0663.bin", "\u0664.bin"], "expected names that are numbers"),
+        (["12.900000000.bin", "12.5.bin"], "expected 9 digits after the point"),
+        ([".000003.bin"], "found no .bin file"),
+    ],
+)
+def test_names_without_an_order_are_refused(tmp_path, names, message):
+    with pytest.raises(InputError, match=message):
+        frames(tmp_path, names)
