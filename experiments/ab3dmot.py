@@ -22,7 +22,7 @@ from experiments.cli import make_parser, write
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences, sequence_name
-from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, figures_of
+from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, metrics_of
 
 SPACES = {
     "3-D IoU 0.25": ("3d", 0.25),
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(args.out)
     entries, poses = _tracked(args)
     figures: dict[str, Any] = {
-        name: figures_of(Kitti3d(entries, min_iou, space), entries, BEST, over_recall=True)[
+        name: metrics_of(Kitti3d(entries, min_iou, space), entries, BEST, over_recall=True)[
             "overall"
         ]
         for name, (space, min_iou) in SPACES.items()

@@ -1,6 +1,6 @@
 """Plain CLEAR MOT on 3-D boxes (Bernardin and Stiefelhagen, 2008), counted by motmetrics.
 
-No ignore rules: every ground-truth box is asked for, every unmatched result is a false alarm.
+No ignore rules: every ground-truth box is evaluated, every unmatched result is a false alarm.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ def clear3d(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> O
     """Counts of one sequence.
 
     Args:
-        comparison: with 3-D IoU as similarity, both sides limited to the classes asked for.
-        keep: (S,) bool, the results that take part.
+        comparison: with 3-D IoU as similarity, both sides limited to the evaluated classes.
+        keep: (S,) bool, the results to evaluate.
         min_iou: a pair below it is never matched.
 
-    MOTP's sum is over IoU, where motmetrics sums distances 1 - IoU.
+    The sum for MOTP is over IoU; motmetrics sums the distances 1 - IoU.
     """
-    import motmetrics  # brings pandas along, a second at import
+    import motmetrics  # imports pandas, which takes a second
 
     accumulator = _accumulate(comparison, keep, min_iou)
     events = accumulator.events
     matches = events[events.Type.isin(["MATCH", "SWITCH"])]
-    figures = motmetrics.metrics.create().compute(
+    summary = motmetrics.metrics.create().compute(
         accumulator, metrics=list(COUNTED), return_dataframe=False
     )
-    return Outcome(_counts(figures, matches), _matched_scores(comparison, matches))
+    return Outcome(_counts(summary, matches), _matched_scores(comparison, matches))
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class RowErrors:
 
     Attributes:
         missed: (R,) bool, truth without a match.
-        false_alarm: (S,) bool, results without a match; False where they do not take part.
+        false_alarm: (S,) bool, results without a match; False where not evaluated.
         switched: (S,) bool, matches whose truth was matched to another id before.
     """
 
@@ -76,7 +76,7 @@ def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -
 
 
 def _rows_of(events, kind: str, column: str, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:
-    """(rows,) bool: which rows, by frame and id, the events of a kind name in `column`."""
+    """(rows,) bool: rows whose frame and id are those of an event of `kind`, ids in `column`."""
     chosen = events[events.Type == kind]
     frames = chosen.index.get_level_values("FrameId")
     found = set(zip(frames.tolist(), chosen[column].astype(int).tolist(), strict=True))
@@ -102,18 +102,18 @@ def _accumulate(comparison: Comparison, keep: np.ndarray, min_iou: float):
     return accumulator
 
 
-def _counts(figures: dict, matches) -> Counts:
-    matched = int(figures["num_matches"] + figures["num_switches"])
+def _counts(summary: dict, matches) -> Counts:
+    matched = int(summary["num_matches"] + summary["num_switches"])
     return Counts(
-        gt=int(figures["num_objects"]),
+        gt=int(summary["num_objects"]),
         tp=matched,
-        fp=int(figures["num_false_positives"]),
-        fn=int(figures["num_misses"]),
-        ids=int(figures["num_switches"]),
-        frag=int(figures["num_fragmentations"]),
-        tracks=int(figures["num_unique_objects"]),
-        mostly_tracked=int(figures["mostly_tracked"]),
-        mostly_lost=int(figures["mostly_lost"]),
+        fp=int(summary["num_false_positives"]),
+        fn=int(summary["num_misses"]),
+        ids=int(summary["num_switches"]),
+        frag=int(summary["num_fragmentations"]),
+        tracks=int(summary["num_unique_objects"]),
+        mostly_tracked=int(summary["mostly_tracked"]),
+        mostly_lost=int(summary["mostly_lost"]),
         similarity=matched - float(matches["D"].sum()),
     )
 

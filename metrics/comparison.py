@@ -1,4 +1,4 @@
-"""Truth and results of one sequence side by side, frame by frame, with their similarities.
+"""Ground truth and results of one sequence, frame by frame, with their similarities.
 
 Letters: R rows of the truth, S rows of the results, F frames, M and K rows in one frame.
 """
@@ -18,7 +18,7 @@ Similarity = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Comparison:
-    """One sequence, ready for a protocol.
+    """One sequence as input of a protocol.
 
     Attributes:
         name: the sequence, like "0016".
@@ -47,8 +47,8 @@ class Comparison:
         """(S,) bool: rows whose track has a mean score of at least `threshold` (None: all).
 
         AB3DMOT's evaluator replaces each score by its track's mean in every pass over the data,
-        so at the n-th pass it compares means of means. Their rounding can put a track below the
-        threshold that is its own score; `earlier_passes` repeats that, for equal counts.
+        so at the n-th pass it compares means of means. Rounding can put a track below the
+        threshold that is its own score; `earlier_passes` reproduces that, for equal counts.
         """
         if threshold is None:
             return np.ones(len(self.results), bool)
@@ -90,7 +90,7 @@ def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:
 def track_scores(results: Objects) -> np.ndarray:
     """(S,) the mean score over the track of each row; a missing score counts as -1.
 
-    A track stands or falls as a whole: this is how AB3DMOT's evaluator applies a threshold.
+    A threshold keeps or drops whole tracks, as AB3DMOT's evaluator does.
     """
     scores = np.where(np.isnan(results.score), -1.0, results.score)
     _, track = np.unique(results.track_id, return_inverse=True)

@@ -1,4 +1,4 @@
-"""What every CLEAR MOT protocol counts, and the figures that follow from the counts."""
+"""Counts of the CLEAR MOT protocols, and the metrics computed from them."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Counts:
     """Counts of one sequence, or of several added up.
 
     Attributes:
-        gt: ground-truth boxes that are asked for (ignored ones left out).
-        tp: matched boxes; in `kitti3d` matched ignored boxes are among them, as in the devkit.
+        gt: evaluated ground-truth boxes (without ignored ones).
+        tp: matched boxes; in `kitti3d` including matched ignored boxes, as in the devkit.
         fp, fn: false alarms and misses.
         ids, frag: identity switches and fragmentations.
-        tracks: ground-truth trajectories that are asked for.
-        mostly_tracked, mostly_lost: how many of `tracks` are.
+        tracks: evaluated ground-truth trajectories.
+        mostly_tracked, mostly_lost: numbers of such trajectories among `tracks`.
         similarity: sum of the similarity (IoU) over the `tp` matches.
     """
 
@@ -41,8 +41,8 @@ class Counts:
         """1 - (FN + FP + IDS) / GT; None without ground truth."""
         return ratio(self.gt - self.fn - self.fp - self.ids, self.gt)
 
-    def figures(self) -> dict[str, float | int | None]:
-        """The ten published figures; ratios are fractions, None where they are undefined."""
+    def metrics(self) -> dict[str, float | int | None]:
+        """The ten published metrics; ratios are fractions, None where they are undefined."""
         return {
             "MOTA": self.mota,
             "MOTP": ratio(self.similarity, self.tp),
@@ -66,7 +66,7 @@ class Outcome:
 
 
 def total(counts: Iterable[Counts]) -> Counts:
-    """Counts added up; ratios are then divided once, never averaged."""
+    """The sum of counts, so that ratios over several sequences are one division."""
     return sum(counts, Counts())
 
 

@@ -1,7 +1,7 @@
-"""HOTA, DetA, AssA and IDF1 of the trackeval package, through arrays.
+"""HOTA, DetA, AssA, LocA and IDF1 of the trackeval package, computed from arrays.
 
-HOTA: Luiten et al., IJCV 2020; IDF1: Ristani et al., 2016. Both on frames that went through
-KITTI's ignore rules (`kitti2d.clean`), with 2-D or 3-D IoU as similarity.
+HOTA: Luiten et al., IJCV 2020; IDF1: Ristani et al., 2016. Both on frames after KITTI's
+ignore rules (`kitti2d.clean`), with 2-D or 3-D IoU as similarity.
 """
 
 from __future__ import annotations
@@ -13,41 +13,42 @@ import numpy as np
 
 from metrics.kitti2d import CleanFrame
 
-NAMES = ("HOTA", "DetA", "AssA", "LocA")
+NAMES = ("HOTA", "DetA", "AssA")
 
 
 def hota(sequences: Mapping[str, list[CleanFrame]]) -> dict[str, Any]:
     """`{"overall": {...}, "sequences": {name: {...}}}` with HOTA, DetA, AssA, LocA, IDF1.
 
-    Each is a fraction; HOTA's own are means over its 19 thresholds. None where a sequence has
-    neither truth nor results, and IDF1 and AssA where nothing is asked for.
+    Each is a fraction. HOTA, DetA and AssA are means over the 19 thresholds of similarity, LocA
+    over those with a match (trackeval counts 1 for the others). LocA is None without any match,
+    and all are None without evaluated ground truth.
     """
-    from trackeval.metrics import HOTA, Identity  # a second at import
+    from trackeval.metrics import HOTA, Identity  # its import takes a second
 
     measures = (HOTA(), Identity({"THRESHOLD": 0.5, "PRINT_CONFIG": False}))
     data = {name: _arrays(frames) for name, frames in sequences.items()}
     parts = [{name: m.eval_sequence(d) for name, d in data.items()} for m in measures]
-    sizes = {name: (d["num_gt_dets"], d["num_tracker_dets"]) for name, d in data.items()}
     combined = [m.combine_sequences(part) for m, part in zip(measures, parts, strict=True)]
     return {
-        "overall": _figures(*combined, *map(sum, zip(*sizes.values(), strict=True))),
-        "sequences": {
-            name: _figures(*(part[name] for part in parts), *sizes[name]) for name in data
-        },
+        "overall": _metrics(*combined),
+        "sequences": {name: _metrics(*(part[name] for part in parts)) for name in data},
     }
 
 
-def _figures(hota_fields: dict, identity: dict, truth: int, results: int) -> dict[str, Any]:
-    if not truth:
-        return dict.fromkeys((*NAMES, "IDF1"))
-    figures = {name: float(np.mean(hota_fields[name])) for name in NAMES}
-    if not results:
-        figures["LocA"] = None
-    return {**figures, "IDF1": float(identity["IDF1"])}
+def _metrics(fields: dict, identity: dict) -> dict[str, Any]:
+    matches = fields["HOTA_TP"]  # (19,) per threshold
+    if not (matches + fields["HOTA_FN"]).any():
+        return dict.fromkeys((*NAMES, "LocA", "IDF1"))
+    located = fields["LocA"][matches > 0]
+    return {
+        **{name: float(np.mean(fields[name])) for name in NAMES},
+        "LocA": float(np.mean(located)) if len(located) else None,
+        "IDF1": float(identity["IDF1"]),
+    }
 
 
 def _arrays(frames: list[CleanFrame]) -> dict[str, Any]:
-    """What trackeval's metrics read: ids from 0 without gaps, counts, similarities."""
+    """Inputs of trackeval's metrics: ids from 0 without gaps, counts, similarities."""
     truth, num_truth = _consecutive([frame.truth_ids for frame in frames])
     results, num_results = _consecutive([frame.result_ids for frame in frames])
     return {

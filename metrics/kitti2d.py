@@ -12,7 +12,7 @@ from metrics.counts import Counts, Outcome
 from metrics.image_boxes import EPS
 from metrics.kitti_rules import RULES, KittiRules
 
-MIN_SIMILARITY = 0.5  # the server's, for matching and for finding what is ignored
+MIN_SIMILARITY = 0.5  # the server's, for matching and for the ignore rules
 CONTINUE = 1000.0  # weight of keeping last frame's match over a better overlap
 
 
@@ -37,7 +37,7 @@ def kitti2d(
 
     Args:
         comparison: truth of classes Car and Van, results of class Car.
-        keep: (S,) bool, the results that take part.
+        keep: (S,) bool, the results to evaluate.
         ignored: (R,) bool from `kitti_rules.ignored_truth`.
         ignorable: (S,) bool from `kitti_rules.ignorable_results`.
         rules: the benchmark's constants.
@@ -48,7 +48,7 @@ def kitti2d(
 def clean(
     comparison: Comparison, keep: np.ndarray, ignored: np.ndarray, ignorable: np.ndarray
 ) -> list[CleanFrame]:
-    """Takes ignored truth out, and with it the results that match it or are ignorable."""
+    """Frames without ignored truth, and without results that match it or are ignorable."""
     frames = []
     for i, j, similarity in zip(
         comparison.truth_rows, comparison.result_rows, comparison.similarity, strict=True
@@ -58,12 +58,12 @@ def clean(
         drop = ignorable[columns].copy()
         rows_matched, columns_matched = _matches(similarity)
         drop[columns_matched] = ignored[i[rows_matched]]
-        asked = ~ignored[i]
+        evaluated = ~ignored[i]
         frames.append(
             CleanFrame(
-                comparison.truth.track_id[i[asked]],
+                comparison.truth.track_id[i[evaluated]],
                 comparison.results.track_id[columns[~drop]],
-                similarity[np.ix_(asked, ~drop)],
+                similarity[np.ix_(evaluated, ~drop)],
                 comparison.scores[columns[~drop]],
             )
         )
@@ -85,8 +85,8 @@ def _assign(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def clear(frames: list[CleanFrame], rules: KittiRules = RULES) -> Outcome:
     """CLEAR over cleaned frames; a match of the frame before is continued where possible.
 
-    In a frame without any result the matches of the frame before stay as they are, so a gap
-    there adds no fragmentation: TrackEval counts that way, and the server with it.
+    A frame without any result keeps the matches of the frame before, so a gap there adds no
+    fragmentation, as in TrackEval and on the server.
     """
     present: dict[int, int] = {}
     matched: dict[int, int] = {}

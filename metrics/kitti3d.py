@@ -1,6 +1,6 @@
-"""KITTI's rules with 3-D IoU: the official devkit's counting as AB3DMOT evaluates with it.
+"""KITTI's rules with 3-D IoU: the official devkit's counts as in AB3DMOT's evaluator.
 
-Each frame is matched on its own. Matched ignored boxes count as TP and in MOTP, but not in GT.
+Each frame is matched independently. Matched ignored boxes count as TP and in MOTP, but not in GT.
 With another similarity in the comparison (2-D IoU) this is AB3DMOT's 2-D evaluation.
 """
 
@@ -30,7 +30,7 @@ def kitti3d(
 
     Args:
         comparison: truth and results of classes Car and Van, ids from 0.
-        keep: (S,) bool, the results that take part.
+        keep: (S,) bool, the results to evaluate.
         ignored: (R,) bool from `kitti_rules.ignored_truth`.
         ignorable: (S,) bool from `kitti_rules.ignorable_results`.
         min_iou: a pair below it is never matched.
@@ -61,7 +61,7 @@ def kitti3d(
 
 
 def match(similarity: np.ndarray, min_iou: float) -> tuple[np.ndarray, np.ndarray]:
-    """As many allowed pairs as possible, then the largest total similarity: rows, columns."""
+    """The most allowed pairs, then the largest total similarity: rows, columns."""
     cost = 1.0 - similarity
     cost = np.where(cost <= 1.0 - min_iou, cost, NO_MATCH)
     rows, columns = linear_sum_assignment(cost)
@@ -82,14 +82,14 @@ def _histories(
 
 
 def trajectory_counts(matched: list[int], ignored: list[bool], rules: KittiRules = RULES) -> Counts:
-    """IDS, FRAG, mostly tracked and mostly lost of one trajectory, the devkit's way.
+    """IDS, FRAG, mostly tracked and mostly lost of one trajectory, as the devkit counts them.
 
     Args:
         matched: per frame in which the object is labelled, the result's id or -1.
         ignored: per such frame, whether the object is ignored there.
         rules: the benchmark's constants.
 
-    An ignored first frame that is matched counts as tracked: the devkit's habit, kept.
+    An ignored first frame that is matched counts as tracked, as in the devkit.
     """
     if all(ignored):
         return Counts()

@@ -1,4 +1,4 @@
-"""What the KITTI benchmark asks of a tracker of cars, and what it leaves out of account."""
+"""Evaluation rules of the KITTI benchmark for cars: evaluated classes and ignored boxes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class KittiRules:
 RULES = KittiRules()
 
 
-def asked_classes(objects: Objects, rules: KittiRules = RULES) -> Objects:
+def evaluated_classes(objects: Objects, rules: KittiRules = RULES) -> Objects:
     """Rows of the evaluated class and its neighbour that carry an id."""
     rows = objects.of_classes((rules.evaluated, rules.neighbour))
     return rows[rows.track_id >= 0]
@@ -46,7 +46,7 @@ def ignored_truth(truth: Objects, rules: KittiRules = RULES) -> np.ndarray:
 def ignorable_results(
     results: Objects, dontcare: Objects, num_frames: int, rules: KittiRules = RULES
 ) -> np.ndarray:
-    """(S,) bool: results that are no false alarm even if unmatched.
+    """(S,) bool: results that are not false alarms even if unmatched.
 
     Args:
         results: S rows with 2-D boxes in pixels.

@@ -1,4 +1,4 @@
-"""The protocols by name: from truth and results of some sequences to a dictionary of figures."""
+"""The protocols by name: metrics of several sequences from ground truth and results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from metrics.hota import hota
 from metrics.image_boxes import iou_2d
 from metrics.kitti2d import clean, kitti2d
 from metrics.kitti3d import kitti3d
-from metrics.kitti_rules import RULES, asked_classes, ignorable_results, ignored_truth
+from metrics.kitti_rules import RULES, evaluated_classes, ignorable_results, ignored_truth
 from metrics.recall_sweep import sweep
 
 PROTOCOLS = ("clear3d", "kitti2d", "kitti3d", "hota")
@@ -24,7 +24,7 @@ BEST = "best"
 
 @dataclass(frozen=True)
 class Entry:
-    """Truth and results of one sequence, all classes; rows beyond its frames are not looked at."""
+    """Truth and results of one sequence, all classes; rows beyond its frames are not evaluated."""
 
     name: str
     num_frames: int
@@ -54,7 +54,7 @@ class Clear3d:
 
 
 class KittiProtocol:
-    """Common ground of the protocols with KITTI's ignore rules."""
+    """Base of the protocols with KITTI's ignore rules."""
 
     def __init__(self, entries: Sequence[Entry], space: str, vans_may_match: bool):
         """Args: `space` "2d" or "3d" (of the IoU); `vans_may_match` keeps results of class Van."""
@@ -105,30 +105,30 @@ def evaluate_protocol(
     min_iou: float = 0.5,
     threshold: float | str | None = None,
 ) -> dict[str, Any]:
-    """Figures of one protocol: `{"overall": {...}, "sequences": {"0016": {...}, ...}}`.
+    """Metrics of one protocol: `{"overall": {...}, "sequences": {"0016": {...}, ...}}`.
 
     Args:
         name: one of `PROTOCOLS`.
         entries: the sequences.
-        classes: what `clear3d` is limited to; the KITTI protocols have their own class rules.
-        min_iou: for `clear3d` and `kitti3d`; the 2-D protocol and HOTA have theirs.
-        threshold: least mean score of a track; "best" for that of the best overall MOTA among
-            the recall points; None keeps all.
+        classes: those that `clear3d` evaluates; the KITTI protocols have their own class rules.
+        min_iou: for `clear3d` and `kitti3d`; fixed in the 2-D protocol and in HOTA.
+        threshold: smallest mean score of a track; "best" for the one with the best overall MOTA
+            among the recall points; None keeps all.
     """
     if name == "clear3d":
-        return figures_of(Clear3d(entries, classes, min_iou), entries, threshold)
+        return metrics_of(Clear3d(entries, classes, min_iou), entries, threshold)
     if name == "kitti2d":
-        return figures_of(Kitti2d(entries), entries, threshold)
+        return metrics_of(Kitti2d(entries), entries, threshold)
     if name == "kitti3d":
-        return figures_of(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
+        return metrics_of(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
     if name == "hota":
-        return _hota_figures(entries, threshold)
+        return _hota_metrics(entries, threshold)
     raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
 
 
 def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
-    truth = asked_classes(entry.truth)
-    results = asked_classes(entry.results)
+    truth = evaluated_classes(entry.truth)
+    results = evaluated_classes(entry.results)
     if not vans_may_match:
         results = results.of_classes((RULES.evaluated,))
     similarity, field = (iou_2d, "bbox") if space == "2d" else (iou_3d, "boxes")
@@ -140,8 +140,8 @@ def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
     return comparison, ignored_truth(truth), ignorable
 
 
-def figures_of(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
-    """Figures of a CLEAR protocol over all and per sequence; see `evaluate_protocol`.
+def metrics_of(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
+    """Metrics of a CLEAR protocol over all and per sequence; see `evaluate_protocol`.
 
     `over_recall` adds sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA to those over all.
     """
@@ -151,26 +151,26 @@ def figures_of(protocol, entries, threshold, over_recall: bool = False) -> dict[
     if threshold == BEST:
         threshold, earlier_passes = swept.best_threshold, swept.passes
     counts = [outcome.counts for outcome in protocol.outcomes(threshold, earlier_passes)]
-    overall = total(counts).figures()
+    overall = total(counts).metrics()
     if over_recall:
-        overall |= swept.figures()
+        overall |= swept.metrics()
     return {
         "overall": overall,
-        "sequences": {entry.name: c.figures() for entry, c in zip(entries, counts, strict=True)},
+        "sequences": {entry.name: c.metrics() for entry, c in zip(entries, counts, strict=True)},
     }
 
 
-def _hota_figures(entries: Sequence[Entry], threshold: float | str | None) -> dict[str, Any]:
+def _hota_metrics(entries: Sequence[Entry], threshold: float | str | None) -> dict[str, Any]:
     """HOTA on image boxes, and on 3-D IoU under names that end in _3D."""
-    figures: dict[str, Any] = {"overall": {}, "sequences": {entry.name: {} for entry in entries}}
+    metrics: dict[str, Any] = {"overall": {}, "sequences": {entry.name: {} for entry in entries}}
     for space, suffix in (("2d", ""), ("3d", "_3D")):
         protocol = Kitti2d(entries, space)
         at = sweep(protocol.outcomes).best_threshold if threshold == BEST else threshold
         part = hota(protocol.clean(at))
-        figures["overall"] |= _suffixed(part["overall"], suffix)
+        metrics["overall"] |= _suffixed(part["overall"], suffix)
         for name, values in part["sequences"].items():
-            figures["sequences"][name] |= _suffixed(values, suffix)
-    return figures
+            metrics["sequences"][name] |= _suffixed(values, suffix)
+    return metrics
 
 
 def _suffixed(values: dict[str, Any], suffix: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Figures over score thresholds: sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA.
+"""Metrics over score thresholds: sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA.
 
 Source: Weng et al., "3D Multi-Object Tracking: A Baseline and New Evaluation Metrics", IROS 2020,
 equations 3 to 5, with the sampling of thresholds that the paper's evaluator publishes.
@@ -22,7 +22,7 @@ OutcomesAt = Callable[[float | None, int], Sequence[Outcome]]
 class Sweep:
     """Means over the recall points, and the threshold (None: keep all) of the best MOTA > 0.
 
-    `passes` says how many times the data were gone over: one more than there are recall points.
+    `passes` is the number of passes over the data: one more than recall points.
     """
 
     samota: float | None
@@ -32,8 +32,8 @@ class Sweep:
     best_mota: float | None
     passes: int
 
-    def figures(self) -> dict[str, float | None]:
-        """By their published names; `best_*` are this project's names."""
+    def metrics(self) -> dict[str, float | None]:
+        """The metrics by their published names; `best_*` are names of this project."""
         return {
             "sAMOTA": self.samota,
             "AMOTA": self.amota,
@@ -47,10 +47,10 @@ def sweep(outcomes_at: OutcomesAt) -> Sweep:
     """Evaluates a protocol at each recall point.
 
     Args:
-        outcomes_at: the protocol's outcome of every sequence at a score threshold (at None, of
-            all results), given how many passes there were before.
+        outcomes_at: the protocol's outcome of every sequence at a score threshold (None: of all
+            results), given the number of passes before.
 
-    A recall that is never reached counts 0 in the means, which divide by `RECALL_POINTS`.
+    A recall that is not reached counts 0 in the means, which divide by `RECALL_POINTS`.
     """
     everything = outcomes_at(None, 0)
     counts = total(outcome.counts for outcome in everything)
@@ -71,25 +71,25 @@ def sweep(outcomes_at: OutcomesAt) -> Sweep:
 
 
 def scaled_mota(counts: Counts, recall: float) -> float:
-    """sMOTA of equation 5: MOTA relative to what is possible at this recall, within [0, 1]."""
+    """sMOTA of equation 5: MOTA relative to its maximum at this recall, within [0, 1]."""
     errors = counts.fn + counts.fp + counts.ids - (1.0 - recall) * counts.gt
     return min(1.0, max(0.0, 1.0 - errors / (recall * counts.gt)))
 
 
-def recall_thresholds(scores: np.ndarray, asked: int) -> tuple[list[float], list[float]]:
+def recall_thresholds(scores: np.ndarray, evaluated: int) -> tuple[list[float], list[float]]:
     """Score thresholds whose recall is nearest to 1/40, 2/40, ..., and these recalls.
 
     Args:
         scores: of all matches, in any order.
-        asked: ground-truth boxes they are matched with or could be.
+        evaluated: number of evaluated ground-truth boxes, matched or not.
     """
     thresholds, recalls, recall = [], [], 0.0
     ordered = np.sort(scores)[::-1].tolist()
     for i, score in enumerate(ordered):
-        here = (i + 1) / asked
-        following = (i + 2) / asked
+        here = (i + 1) / evaluated
+        following = (i + 2) / evaluated
         if i + 1 < len(ordered) and following - recall < recall - here:
-            continue  # the next match comes nearer to this recall
+            continue  # the next match is nearer to this recall
         thresholds.append(score)
         recalls.append(recall)
         recall += 1.0 / RECALL_POINTS

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
-from common.flags import ArgumentParser, non_negative_int, positive_int, run
+from common.flags import ArgumentParser, finite_float, non_negative_int, positive_int, run
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
 from simulator.dataset import make_dataset
@@ -16,26 +17,43 @@ from simulator.plan import Plan
 OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # numbering as KITTI's split here
 
 
+def van_share(text: str) -> float:
+    """A share in [0, 0.9], which leaves room for cars and trucks."""
+    value = finite_float(text)
+    if not 0 <= value <= 0.9:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 0.9, found {text!r}")
+    return value
+
+
 def parser() -> ArgumentParser:
     """The flags."""
     result = ArgumentParser(prog="python -m simulator", description=__doc__)
-    result.add_argument("--out", type=Path, required=True, help="folder to write; reused if done")
-    result.add_argument("--split", choices=["train", "val"], help="own traffic: which split")
-    result.add_argument("--sequences", type=positive_int, help="own traffic: how many sequences")
-    result.add_argument("--frames", type=positive_int, help="frames a sequence (labels: at most)")
-    result.add_argument("--from_labels", type=Path, help="real KITTI folder whose labels to replay")
+    result.add_argument("--out", type=Path, required=True, help="output folder; reused if complete")
+    result.add_argument(
+        "--split",
+        choices=["train", "val"],
+        help="own traffic: split",
+    )
+    result.add_argument("--sequences", type=positive_int, help="own traffic: number of sequences")
+    result.add_argument("--frames", type=positive_int, help="frames per sequence")
+    result.add_argument(
+        "--van_share",
+        type=van_share,
+        help="own traffic: share of vans, see VehicleMix",
+    )
+    result.add_argument("--from_labels", type=Path, help="KITTI folder with labels to replay")
     result.add_argument("--seqs", help="sequences to replay, e.g. 0016-0020 or 0000,0003")
-    result.add_argument("--seed", type=non_negative_int, default=0, help="seed of everything")
+    result.add_argument("--seed", type=non_negative_int, default=0, help="random seed")
     result.add_argument("--full", action="store_true", help="360 degrees, not the camera's view")
     result.add_argument(
-        "--motion_distortion", action="store_true", help="leave motion during a sweep in the scans"
+        "--motion_distortion", action="store_true", help="keep motion during a sweep in the scans"
     )
-    result.add_argument("--processes", type=positive_int, help="processes; all cores if not given")
+    result.add_argument("--processes", type=positive_int, help="processes, by default one per core")
     return result
 
 
 def make_plan(flags) -> Plan:
-    """The plan that the flags ask for; raises InputError where they do not fit together."""
+    """The plan of the flags; raises InputError where they contradict each other."""
     options = Options(flags.full, flags.motion_distortion)
     if flags.from_labels is not None:
         return _label_plan(flags, options)
@@ -43,8 +61,10 @@ def make_plan(flags) -> Plan:
 
 
 def _label_plan(flags, options: Options) -> Plan:
-    if flags.split is not None or flags.sequences is not None:
-        raise InputError("--split and --sequences are for own traffic; --from_labels takes --seqs")
+    if any(value is not None for value in (flags.split, flags.sequences, flags.van_share)):
+        raise InputError(
+            "--split, --sequences and --van_share are for own traffic; --from_labels takes --seqs"
+        )
     if flags.seqs is None:
         raise InputError("--from_labels needs --seqs, for example 0016-0020")
     sequences = open_sequences(flags.from_labels, parse_sequences(flags.seqs))
@@ -67,11 +87,14 @@ def _own_plan(flags, options: Options) -> Plan:
             f"({numbers[0]:04d}-{numbers[-1]:04d}), found {count}"
         )
     frames = dict.fromkeys(numbers[:count], flags.frames or 200)
-    return Plan("traffic", {"split": split}, flags.seed, frames, options)
+    spec = {"split": split}
+    if flags.van_share is not None:
+        spec["van_share"] = flags.van_share
+    return Plan("traffic", spec, flags.seed, frames, options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Makes the data set; says where it is."""
+    """Makes the data set and prints its path."""
     flags = parser().parse_args(argv)
     plan = make_plan(flags)
     made = make_dataset(plan, flags.out, flags.processes)

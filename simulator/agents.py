@@ -1,4 +1,4 @@
-"""Road users: how each moves along its route. Letters: A agents, M points ahead, D discs."""
+"""Road users and their motion along a route. Letters: A agents, M points ahead, D discs."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ SPACING = 2.0
 class Driver:
     """Parameters of the intelligent driver model (Treiber, Hennecke, Helbing 2000), urban."""
 
-    speed: float = 11.0  # wanted speed, m/s
+    speed: float = 11.0  # desired speed, m/s
     time_gap: float = 1.2  # s
     distance: float = 2.0  # m, bumper to bumper at rest
     acceleration: float = 1.6  # m/s^2
     braking: float = 2.2  # comfortable, m/s^2
-    hardest: float = 8.0  # m/s^2, what tyres give
+    hardest: float = 8.0  # m/s^2, limit of the tyres
 
 
 @dataclass
 class Agent:
     """One road user.
 
-    s: arc length of its centre on the route; shift: metres to the left of it; both with rates.
+    s: arc length of its centre on the route; shift: metres to the left of the route; with rates.
     state: "drive", "parked" (pulls out at `start`) or "fixed" (stays; `pose` x, y, yaw).
     """
 
@@ -49,7 +49,7 @@ class Agent:
     brake_for: float = 0.0
     pose: tuple[float, float, float] | None = None
     acceleration: float = 0.0
-    blocked: float = 0.0  # seconds behind somebody slow
+    blocked: float = 0.0  # seconds behind a slow road user
     crosses: bool = False  # a pedestrian who walks across the road
 
     @property
@@ -67,7 +67,7 @@ class Agent:
 
 
 def idm(driver: Driver, speed: float, limit: float, gap: float, closing: float) -> float:
-    """Acceleration in m/s^2; `closing` is how much faster one is than the one ahead."""
+    """Acceleration in m/s^2; `closing` is the speed minus that of the road user ahead."""
     wanted = max(min(driver.speed, limit), 0.1)
     root = 2 * math.sqrt(driver.acceleration * driver.braking)
     space = driver.distance + max(speed * driver.time_gap + speed * closing / root, 0.0)
@@ -88,7 +88,7 @@ def discs(places, sizes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def look_ahead(agent: Agent, target: float | None = None, back: float = 0.0) -> np.ndarray:
-    """Points (M, 2) that the agent's centre will pass, from `back` metres behind it on."""
+    """Points (M, 2) on the agent's future path, from `back` metres behind it on."""
     reach = np.arange(-back, AHEAD, SPACING)
     target = agent.target if target is None else target
     change = np.minimum(np.maximum(reach / max(2.5 * agent.speed, 8.0), 0), 1)

@@ -18,25 +18,27 @@ from kitti.objects import Objects
 
 @dataclass(frozen=True)
 class LabelRules:
-    """When an object is labelled, and how; shares of rays and of image area; our choice, made
-    after KITTI's labels, whose farthest vehicles are at about 80 m."""
+    """Limits for labels, as shares of rays and of image area.
+
+    Chosen by hand to match KITTI's labels, whose farthest vehicles are at about 80 m.
+    """
 
     farthest: float = 75.0  # metres; beyond it DontCare
-    hidden: float = 0.04  # DontCare if no larger share of the rays is left
+    hidden: float = 0.04  # DontCare unless a larger share of the rays is left
     largely: float = 0.35  # occlusion 2 below this share
     partly: float = 0.80  # occlusion 1 below this share
     smallest: float = 10.0  # pixels of height; lower ones are DontCare
     truncated_partly: float = 0.05  # truncation 1 above this share of the 2-D box's area
     truncated_largely: float = 0.50
     noticed: float = 4.0  # pixels; smaller boxes are not labelled at all
-    outside: float = 0.97  # not labelled at all if more of it is outside
+    outside: float = 0.97  # not labelled at all if a larger share is outside the image
 
 
 RULES = LabelRules()
 
 
 def occlusion_state(seen, rays, rules: LabelRules = RULES) -> np.ndarray:
-    """(M,) 0, 1 or 2 from rays that reach the objects first and rays that would without others."""
+    """(M,) 0, 1 or 2 from rays that meet an object first and rays that would meet it alone."""
     share = np.asarray(seen) / np.maximum(rays, 1)
     return np.where(share < rules.largely, 2, np.where(share < rules.partly, 1, 0))
 
@@ -76,7 +78,7 @@ def label_frame(
     share = np.asarray(seen) / np.maximum(rays, 1)
     cared = (np.hypot(boxes[:, 0], boxes[:, 1]) < rules.farthest) & (share > rules.hidden)
     cared &= (tall >= rules.smallest) & noticed
-    noticed &= (np.asarray(seen) > 0) | (np.asarray(rays) == 0)  # nobody knows of the others
+    noticed &= (np.asarray(seen) > 0) | (np.asarray(rays) == 0)  # not if no ray meets it
     ignored = np.flatnonzero(noticed & ~cared)
     order = np.concatenate([ignored, np.flatnonzero(cared)])
     is_ignored = np.arange(len(order)) < len(ignored)

@@ -1,10 +1,11 @@
-"""Which body stands for which KITTI type."""
+"""Sizes and bodies of objects by their KITTI type."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from simulator import people, vehicles
+from simulator.config import SIZES, SizeFit
 from simulator.convex import Body
 
 BUILDERS = {
@@ -27,3 +28,21 @@ def make_body(kind: str, size, seed: tuple[int, ...]) -> Body:
     """
     builder = BUILDERS.get(kind, vehicles.misc)
     return builder(size, np.random.default_rng(seed))
+
+
+def draw_size(kind: str, rng) -> np.ndarray:
+    """A random (l, w, h) in metres of a Car, Van, Truck, Pedestrian or Cyclist, as in `SIZES`."""
+    fit: SizeFit = getattr(SIZES, kind.lower())
+    correlation = np.eye(3)
+    for (i, j), value in (
+        ((0, 1), fit.correlation_lw),
+        ((0, 2), fit.correlation_lh),
+        ((1, 2), fit.correlation_wh),
+    ):
+        correlation[i, j] = correlation[j, i] = value
+    covariance = correlation * np.outer(fit.std, fit.std)
+    for _ in range(100):
+        size = rng.multivariate_normal(fit.mean, covariance)
+        if (size >= fit.low).all() and (size <= fit.high).all():
+            return size
+    return np.asarray(fit.mean)

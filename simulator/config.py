@@ -1,4 +1,4 @@
-"""Figures of the simulator, each with its source, in frozen dataclasses."""
+"""Constants of the simulator, each with its source, in frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class SensorConfig:
     """HDL-64E S2 on KITTI's car. Angles in degrees, lengths in metres.
 
     Nominal elevations are +2 to -8.33 in steps of 1/3 (upper 32 lasers) and -8.83 to -24.33 in
-    steps of 1/2 (lower 32), Velodyne HDL-64E S2 manual. The figures here are a robust line fit
+    steps of 1/2 (lower 32), Velodyne HDL-64E S2 manual. The values here are a robust line fit
     z = height + rho * tan(elevation) to each ring of 26 real scans of sequence 0000: lasers sit
     in groups at different heights in the housing.
     """
@@ -28,7 +28,7 @@ class SensorConfig:
     mount_height: float = 1.73  # above the ground, Geiger et al., IJRR 2013
     camera_height: float = 1.65  # above the ground, same source
     view_half_angle_deg: float = 42.5  # camera 2 sees +-41 degrees
-    view_beams: int = 48  # the camera sees no lower ones (47 rings in real scans)
+    view_beams: int = 48  # lower ones are outside the camera's view (47 rings in real scans)
     max_range: float = 79.0  # farthest points of the real scans; S2 manual: 120 m at high albedo
     min_range: float = 0.9
     range_noise: float = 0.018  # < 2 cm, S2 manual
@@ -37,9 +37,9 @@ class SensorConfig:
 
 @dataclass(frozen=True)
 class ReturnConfig:
-    """When a ray comes back: p = base * sigmoid(slope * (log(rho * cos^power / r^2) - threshold)).
+    """Probability of a return: base * sigmoid(slope * (log(rho * cos^power / r^2) - threshold)).
 
-    The lidar equation for a diffuse surface; `power` below 1 stands for rough surfaces.
+    The lidar equation for a diffuse surface; `power` below 1 models rough surfaces.
     Fitted by hand to points per frame and per vehicle of sequence 0000 (see the fidelity table).
     """
 
@@ -89,6 +89,24 @@ class SizeConfig:
         (1.758, 0.571, 1.724), (0.152, 0.133, 0.105), 0.41, 0.43, -0.11,
         (1.35, 0.38, 1.45), (2.0, 0.88, 1.9),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class VehicleMix:
+    """Shares of types among the vehicles of own traffic; the rest are cars.
+
+    The defaults give 7 % vans and 1 % trucks among the labelled vehicles; in KITTI's tracking
+    labels 0000-0015 they are 9 % and 5 %, in sequence 0000 55 % and none.
+    """
+
+    moving_vans: float = 0.10
+    moving_trucks: float = 0.03
+    parked_vans: float = 0.06  # along the kerb; cars alone stand across
+
+    @classmethod
+    def with_vans(cls, share: float | None) -> VehicleMix:
+        """The mix with `share` vans among vehicles that move and that park along the kerb."""
+        return cls() if share is None else cls(moving_vans=share, parked_vans=share)
 
 
 SENSOR = SensorConfig()

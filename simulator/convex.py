@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 FAR = np.float32(1e9)
-FEW = 1500  # rays times parts below which culling costs more than it saves
+FEW = 1500  # rays times parts below which culling is slower than none
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Body:
     """A union of convex parts in the box's own frame: x forward, y left, z up, origin at centre.
 
     planes (P, K, 4) f32: a point p is inside a part if n . p <= d for its K planes (n unit or 0);
-    reflectivity, gloss (P,) f32 (a glossy part reflects away what does not meet it squarely:
+    reflectivity, gloss (P,) f32 (a glossy part returns little light at oblique incidence:
     power falls with cosine ** (power * (1 + gloss)));
     interior (P,) bool: seen through glass only;
     porosity (P,) f32: share of rays that pass (spokes, frames);
@@ -92,11 +92,11 @@ def to_box_frame(box, origin, direction):
 
 @dataclass(frozen=True)
 class BodyHits:
-    """What rays (R,) meet on a body.
+    """Hits of rays (R,) on a body.
 
     outline (R,) f32: distance at which the ray meets the body at all (FAR where it misses);
-    distance (R,) f32: distance of the return, FAR where the ray goes through;
-    reflectivity (R,) f32, 0 where the ray is swallowed; cosine (R,) f32 of the incidence, to the
+    distance (R,) f32: distance of the return, FAR where the ray passes through;
+    reflectivity (R,) f32, 0 where the ray is absorbed; cosine (R,) f32 of the incidence, to the
     power of 1 + gloss.
     """
 
@@ -109,8 +109,8 @@ class BodyHits:
 def cast_body(body: Body, origin, direction, rng, returns) -> BodyHits:
     """Rays (R, 3) in the body's frame against its parts, window panes included.
 
-    `returns` is a `ReturnConfig`. A ray that meets a pane returns from it, is lost, or goes on to
-    the seats, and out of the other side where it misses them.
+    `returns` is a `ReturnConfig`. A ray that meets a pane returns from it, is lost, or continues to
+    the seats, and leaves on the other side where it misses them.
     """
     distance, face = intersect_body(body, origin, direction)
     distance = np.where(_holes(body, len(origin), rng), FAR, distance)

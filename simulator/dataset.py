@@ -1,4 +1,4 @@
-"""Data sets on disk: made, completed where an interrupted run stopped, or recognised as done."""
+"""Data sets on disk: made, completed after an interruption, or reused if complete."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from simulator.plan import Plan, label_path, part_path, scan_path
 from simulator.pool import run_jobs
 
 MANIFEST = "manifest.json"
-STRETCH = 200  # most frames a job: each process builds the worlds of its jobs
+STRETCH = 200  # most frames per job; each process builds the worlds of its jobs
 
 
 def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> bool:
-    """Makes or completes the data set in `root`; False if it was there already, complete.
+    """Makes or completes the data set in `root`; False if it is complete already.
 
     Raises:
-        InputError: `root` holds something else than this very data set, complete or begun.
+        InputError: `root` holds anything other than this data set, complete or begun.
     """
     root = Path(root)
     manifest = json.loads(json.dumps(plan.manifest()))
@@ -50,7 +50,7 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
 
 
 def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
-    """The manifest in `root`, if it is of the same data set; {} in an empty or new folder."""
+    """The manifest in `root` if it describes the same data set; {} in an empty or new folder."""
     path = root / MANIFEST
     if not root.exists() or (root.is_dir() and not any(root.iterdir())):
         return {}
@@ -83,7 +83,7 @@ def _missing(plan: Plan, root: Path) -> bool:
 
 
 def _jobs(plan: Plan, root: Path) -> list[tuple[int, list[int]]]:
-    """(sequence, frames without scan); an empty list of frames still writes the text files."""
+    """(sequence, frames without scan); with no frames only the text files are written."""
     cores = len(os.sched_getaffinity(0))
     jobs = []
     for seq, count in plan.frames.items():
@@ -102,5 +102,5 @@ def _jobs(plan: Plan, root: Path) -> list[tuple[int, list[int]]]:
 
 
 def _left(root: Path, jobs) -> int:
-    """Frames of `jobs` whose scan is not there yet."""
+    """Number of frames of `jobs` without a scan."""
     return sum(not scan_path(root, seq, frame).is_file() for seq, rest in jobs for frame in rest)

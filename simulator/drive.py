@@ -1,4 +1,4 @@
-"""Own traffic as a world of scenes: the traffic is run once, every frame is kept."""
+"""Own traffic as a world of scenes: the traffic is simulated once and every frame kept."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, write_calibration
 from kitti.objects import Objects
 from simulator.annotate import label_frame
 from simulator.bodies import make_body
-from simulator.config import IMAGE_SIZE, SENSOR
+from simulator.config import IMAGE_SIZE, SENSOR, VehicleMix
 from simulator.convex import Body
-from simulator.oxts import write_oxts
-from simulator.poses import write_poses
+from simulator.motion_files import write_oxts, write_poses
 from simulator.scan import Scene, Sweep
 from simulator.terrain import Terrain
 from simulator.town import START, Town, footprint_ground, make_town, populate
@@ -29,8 +28,8 @@ NEAR = 130.0  # metres within which objects are kept
 class DriveWorld:
     """A `simulator.plan.World` of own traffic.
 
-    poses (F, 4, 4) level frame -> world; per frame: rows of agents that are near (lists of
-    arrays), their world boxes (M, 7) and speeds (M,).
+    poses (F, 4, 4) level frame -> world; lists with an array per frame: rows of nearby agents (M,),
+    their world boxes (M, 7) and speeds (M,).
     """
 
     calib: Calibration
@@ -60,7 +59,7 @@ class DriveWorld:
         return transform_boxes(self.boxes[frame], np.linalg.inv(self.poses[frame]))
 
     def labels(self, frame: int, sweep: Sweep) -> Objects:
-        """Label rows of `frame`, given what the rays met."""
+        """Label rows of `frame`, with occlusions from the sweep's ray counts."""
         rows = self.rows[frame]
         boxes = self._level_boxes(frame)
         args = (boxes, self.kinds[rows], rows - 1, sweep.rays, sweep.seen)
@@ -73,15 +72,15 @@ class DriveWorld:
         write_poses(root.parent / "poses" / f"{name}.txt", self.poses[:frames])
 
 
-def drive(frames: int, rng) -> DriveWorld:
-    """Builds a town, runs its traffic for `frames` frames and keeps what is near the car."""
+def drive(frames: int, rng, mix: VehicleMix | None = None) -> DriveWorld:
+    """Builds a town, simulates `frames` frames of traffic and keeps the objects near the car."""
     town = make_town(START + 2 * 110 + 14.0 * (frames * SENSOR.period_s + WARM_UP), rng)
-    agents = populate(town, frames, rng)
+    agents = populate(town, frames, rng, mix or VehicleMix())
     offsets = rng.uniform(0, Traffic.CYCLE, len(town.network.sides))
     traffic = Traffic(agents, offsets, SENSOR.period_s)
     for agent in agents:  # events are timed from the first frame
         agent.start, agent.brake_at = agent.start + WARM_UP, agent.brake_at + WARM_UP
-    traffic.dt = 2 * SENSOR.period_s  # nobody looks yet
+    traffic.dt = 2 * SENSOR.period_s  # coarse steps before the first frame
     while traffic.time < WARM_UP:
         traffic.step()
     traffic.dt = SENSOR.period_s
@@ -107,7 +106,7 @@ def drive(frames: int, rng) -> DriveWorld:
 
 
 def _ego_pose(terrain: Terrain, place, acceleration: float) -> np.ndarray:
-    """Level frame -> world: the camera above the car, tilted as the ground and as it brakes."""
+    """Level frame -> world: the camera above the car, tilted by the ground and by braking."""
     x, y, yaw = place
     ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     spots = np.array([[x, y]]) + np.array([1.35 * ahead, -1.35 * ahead, 0.75 * left, -0.75 * left])
@@ -127,7 +126,7 @@ def _ego_pose(terrain: Terrain, place, acceleration: float) -> np.ndarray:
 
 
 def make_calibration(rng) -> Calibration:
-    """A calibration like KITTI's: its lens and lever arms, rotations off by a degree or so."""
+    """A calibration like KITTI's: its lens and lever arms, and random rotations of a degree."""
     focal, cx, cy = 721.5 + rng.normal(0, 3), 609.6 + rng.normal(0, 3), 172.9 + rng.normal(0, 3)
     p0 = np.array([[focal, 0, cx, 0], [0, focal, cy, 0], [0, 0, 1, 0.0]])
 

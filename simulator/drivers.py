@@ -1,4 +1,4 @@
-"""The two drivers: own traffic, and the trajectories of real label files."""
+"""The two sources of a data set: own traffic, and the trajectories of real label files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from common.files import write_bytes
 from kitti.sequence import Sequence
-from simulator.config import SENSOR
+from simulator.config import SENSOR, VehicleMix
 from simulator.drive import DriveWorld, drive
-from simulator.oxts import write_oxts
+from simulator.motion_files import write_oxts
 from simulator.plan import Builder, Plan
 from simulator.replay import Replay, replay
 from simulator.scan import Scene, Sweep
@@ -19,7 +19,7 @@ from simulator.scan import Scene, Sweep
 
 @dataclass(frozen=True)
 class LabelWorld:
-    """A labelled sequence as a `simulator.plan.World`; its text files are the source's own."""
+    """A labelled sequence as a `simulator.plan.World`; its text files are the source's."""
 
     sequence: Sequence
     replay: Replay
@@ -69,7 +69,8 @@ def _from_labels(plan: Plan, seq: int) -> LabelWorld:
 
 
 def _own_traffic(plan: Plan, seq: int) -> DriveWorld:
-    return drive(plan.frames[seq], np.random.default_rng((plan.seed, seq, 2**21)))
+    mix = VehicleMix.with_vans(plan.spec.get("van_share"))
+    return drive(plan.frames[seq], np.random.default_rng((plan.seed, seq, 2**21)), mix)
 
 
 DRIVERS: dict[str, Builder] = {"labels": _from_labels, "traffic": _own_traffic}

@@ -1,4 +1,4 @@
-"""Figures that compare simulated scans with real ones, over the same labelled boxes."""
+"""Measures of simulated against real scans over the same labelled boxes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from kitti.ground import fit_ground
 
 BANDS = ((0, 15), (15, 30), (30, 50))  # metres
 ENOUGH = 10  # points a box needs in the real scan
-ABOVE_GROUND = 0.15  # metres above a box's bottom from which on points count as the vehicle's
+ABOVE_GROUND = 0.15  # metres above a box's bottom; lower points belong to the ground
 HEIGHTS = np.linspace(-0.5, 4.0, 46)  # metres above the ground
 RANGES = np.linspace(0.0, 80.0, 41)  # metres
 
 
 @dataclass(frozen=True)
-class FrameFigures:
+class FrameCounts:
     """One frame's counts, real and simulated.
 
     points (2,); height, range histograms (2, n); per vehicle box: distance (M,), points (M, 2),
@@ -34,7 +34,7 @@ class FrameFigures:
 
 
 def count_beams(points_velo, elevation_step_deg: float = 0.2) -> int:
-    """Distinct beams among points (n, >= 3) of the velodyne frame: gaps of elevation count them.
+    """Number of beams among points (n, >= 3) of the velodyne frame, from gaps in elevation.
 
     Beams are a third of a degree apart or more; noise within one is far below the step.
     """
@@ -45,7 +45,7 @@ def count_beams(points_velo, elevation_step_deg: float = 0.2) -> int:
     return 1 + int((np.diff(elevation) > elevation_step_deg).sum())
 
 
-def compare_frame(real, simulated, boxes, calib) -> FrameFigures:
+def compare_frame(real, simulated, boxes, calib) -> FrameCounts:
     """Counts for scans (n, 4) and (m, 4) of the level frame and vehicle boxes (M, 7)."""
     boxes = np.asarray(boxes).reshape(-1, 7)
     rows = len(boxes)
@@ -62,7 +62,7 @@ def compare_frame(real, simulated, boxes, calib) -> FrameFigures:
         heights[side] = np.histogram(above, HEIGHTS)[0]
         ranges[side] = np.histogram(np.hypot(scan[:, 0], scan[:, 1]), RANGES)[0]
     distance = np.hypot(boxes[:, 0], boxes[:, 1])
-    return FrameFigures(
+    return FrameCounts(
         np.array([len(real), len(simulated)]), heights, ranges, distance, points, beams
     )
 
@@ -72,8 +72,8 @@ def histogram_distance(a, b) -> float:
     return float(np.abs(a / max(a.sum(), 1) - b / max(b.sum(), 1)).sum() / 2)
 
 
-def summarise(frames: list[FrameFigures]) -> dict[str, float | int | None]:
-    """The table's figures over frames; ratios are simulated / real, None where nothing counts."""
+def summarise(frames: list[FrameCounts]) -> dict[str, float | int | None]:
+    """The measures over all frames; ratios are simulated / real, None without boxes."""
     distance = np.concatenate([f.distance for f in frames])
     points = np.concatenate([f.vehicle_points for f in frames]).astype(float)
     beams = np.concatenate([f.vehicle_beams for f in frames]).astype(float)

@@ -15,10 +15,10 @@ from simulator.sensor import Rays, make_rays
 
 @dataclass(frozen=True)
 class Options:
-    """How sweeps are taken and written.
+    """Options of sweeps.
 
-    full: all around instead of the camera's view; motion_distortion: the car's and the objects'
-    motion during a sweep stays in the scan (KITTI's are corrected for the car's).
+    full: 360 degrees instead of the camera's view; motion_distortion: keeps the motion of the car
+    and the objects during a sweep (KITTI's scans are corrected for the car's).
     """
 
     full: bool = False
@@ -33,7 +33,7 @@ def take_sweep(
     seed: tuple[int, ...],
     ego_velocity=(0.0, 0.0, 0.0),
 ) -> Sweep:
-    """The sweep of one frame. `seed` alone decides its randomness, whatever was done before.
+    """The sweep of one frame; its randomness depends on `seed` alone.
 
     ego_velocity: (vx, vy, yaw rate) of the car in its own frame; used with motion_distortion.
     """

@@ -24,7 +24,7 @@ class Part:
 
 @dataclass
 class Pane:
-    """Where glass faces are glass, in the body's frame."""
+    """Extent of the glass on glass faces, in the body's frame."""
 
     x: tuple[float, float] = (-99.0, 99.0)
     z: tuple[float, float] = (-99.0, 99.0)
@@ -32,7 +32,7 @@ class Pane:
 
 
 def assemble(parts: list[Part], pane: Pane | None = None) -> Body:
-    """A `Body` of these parts; shorter lists of planes are filled with planes that bind nothing."""
+    """A `Body` of these parts; shorter lists of planes are padded with planes without effect."""
     pane = pane or Pane()
     count = max(len(part.planes) for part in parts)
     planes = np.zeros((len(parts), count, 4), np.float32)
@@ -90,7 +90,7 @@ def side_planes(half_width: float, at_z: float = 0.0, lean_rad: float = 0.0) -> 
 
 
 def corner_planes(x_front: float, x_rear: float, half_width: float, cut: float) -> np.ndarray:
-    """Four upright planes that cut the plan's corners: `cut` is how much of the width goes."""
+    """Four upright planes that cut the plan's corners: `cut` metres of the half width."""
     planes = []
     for x, angle in ((x_front, 0.62), (x_rear, 0.5)):
         for side in (1.0, -1.0):

@@ -1,4 +1,4 @@
-"""What a data set is: its driver, sequences and options, and where its files go."""
+"""Description of a data set: source, sequences, options and paths of its files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from simulator.scan import Scene, Sweep
 
 
 class World(Protocol):
-    """What a driver builds for one sequence; bigger than its frames, so kept by each process."""
+    """The world of one sequence, from which its frames are made; cached by each process."""
 
     calib: Calibration
     image_size: tuple[int, int]
@@ -27,16 +27,16 @@ class World(Protocol):
         """The scene of `frame`."""
 
     def labels(self, frame: int, sweep: Sweep) -> Objects | None:
-        """Label rows of `frame`; None if `write_texts` writes the labels."""
+        """Label rows of `frame`; None if `write_texts` writes them."""
 
     def write_texts(self, root: Path, name: str, frames: int) -> None:
-        """Writes labels, calibration, oxts and what else is known, for the first `frames`."""
+        """Writes the text files (calibration, oxts, poses, labels) of the first `frames`."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A data set to be made: `driver` names an entry of `simulator.drivers.DRIVERS`, `spec` is
-    its JSON-ready description, `frames` says how many frames each sequence has."""
+    """A data set: `driver` is a key of `simulator.drivers.DRIVERS`, `spec` its settings as JSON
+    values, `frames` the number of frames of each sequence."""
 
     driver: str
     spec: dict[str, Any]
@@ -45,7 +45,7 @@ class Plan:
     options: Options
 
     def manifest(self) -> dict[str, Any]:
-        """What identifies the data set: same manifest, same bytes."""
+        """Identity of the data set: the same manifest gives the same bytes."""
         return {
             "format": "KITTI tracking, simulated",
             "version": VERSION,
@@ -64,15 +64,15 @@ Builder = Callable[[Plan, int], World]
 
 
 def scan_path(root: Path, seq: int, frame: int) -> Path:
-    """Where a scan goes in KITTI's layout."""
+    """Path of a scan in KITTI's layout."""
     return root / "training" / "velodyne" / sequence_name(seq) / f"{frame:06d}.bin"
 
 
 def part_path(root: Path, seq: int, frame: int) -> Path:
-    """Where one frame's labels wait until all frames of the sequence are there."""
+    """Path of one frame's labels until all frames of the sequence are complete."""
     return root / ".parts" / sequence_name(seq) / f"{frame:06d}.txt"
 
 
 def label_path(root: Path, seq: int) -> Path:
-    """Where labels go in KITTI's layout."""
+    """Path of a sequence's labels in KITTI's layout."""
     return root / "training" / "label_02" / f"{sequence_name(seq)}.txt"

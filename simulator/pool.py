@@ -1,7 +1,7 @@
-"""Jobs over processes. A job is a stretch of frames of one sequence.
+"""Jobs over processes. A job is a range of frames of one sequence.
 
-Every frame's bytes depend on (seed, sequence, frame) alone, so neither the number of processes
-nor an interruption shows in the result.
+Every frame's bytes depend on (seed, sequence, frame) alone, so the result depends neither on the
+number of processes nor on interruptions.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from simulator.plan import Plan, World, part_path, scan_path
 Job = tuple[int, list[int]]
 """Sequence number and frames; no frames: the text files alone."""
 
-_stop: Event | None = None  # set in each worker: whether the run was interrupted
+_stop: Event | None = None  # in each worker: set when the run is interrupted
 
 
 def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterator[None]:
-    """Runs the jobs; yields now and then, so that progress can be shown.
+    """Runs the jobs; yields at intervals for a progress display.
 
-    When it is interrupted, workers finish the frame they are at and write no other.
+    After an interruption each worker finishes its current frame and stops.
     """
     if processes == 1:
         for seq, frames in jobs:
@@ -63,9 +63,9 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
 
 
 def _begin(stop: Event) -> None:
-    global _stop  # noqa: PLW0603 - handed to each worker once, when it starts
+    global _stop  # noqa: PLW0603 - set once, at the start of each worker
     _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it and says stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it and sets `stop`
 
 
 def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> None:
@@ -90,7 +90,7 @@ def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> None:
 
 @lru_cache(maxsize=2)
 def _world(plan_json: str, seq: int) -> World:
-    """Each process builds a sequence's world once; it is the same in all of them."""
+    """A sequence's world, built once per process and identical in all of them."""
     fields = json.loads(plan_json)
     fields["options"] = Options(**fields["options"])
     fields["frames"] = {int(key): count for key, count in fields["frames"].items()}

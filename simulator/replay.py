@@ -1,7 +1,7 @@
-"""Label-driven scenes: real KITTI labels move the objects, a static world is fitted around them.
+"""Label-driven scenes: objects move as in KITTI labels, with a static world around them.
 
-Nothing static is placed where a labelled object or the car itself ever is, nor between the
-scanner and an object that the labels call visible.
+Nothing static is placed on the path of a labelled object or of the car, nor between the sensor and
+an object labelled as visible.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from simulator.static import StaticWorld
 from simulator.terrain import Terrain
 
 MARGIN = 100.0  # metres of world around the car's path
-PLAUSIBLE_SPEED = 8.0  # m/s where nothing tells the car's motion
+PLAUSIBLE_SPEED = 8.0  # m/s, without poses
 FRAME_STEP = 2  # every second frame's lines of sight are kept free
 
 
@@ -64,7 +64,7 @@ class Replay:
 
 
 def ego_poses(sequence: Sequence) -> np.ndarray:
-    """(F, 4, 4) level-frame poses: from poses/, else a plausible constant speed."""
+    """(F, 4, 4) level-frame poses: from poses/, else at a plausible constant speed."""
     if sequence.poses is not None:
         return sequence.poses
     poses = np.tile(np.eye(4), (sequence.num_frames, 1, 1))
@@ -101,7 +101,7 @@ def replay(sequence: Sequence, rng, setting: Setting | None = None) -> Replay:
 
 
 def road_path(poses, rng, extension: float = 110.0) -> np.ndarray:
-    """The car's way (n, 2), a point a metre, lengthened at both ends by a bending road."""
+    """The car's path (n, 2), a point per metre, extended at both ends by a bending road."""
     track = poses[:, :2, 3]
     moved = [track[0]]
     for point in track[1:]:
@@ -123,13 +123,13 @@ def _yaw(pose) -> float:
 def _bend(start, yaw: float, length: float, rng) -> np.ndarray:
     curvature = rng.uniform(-1, 1) * 0.012
     steps = np.arange(1, int(length) + 1)
-    # straight for a while: the last frames' objects are still ahead
+    # straight at first: the objects of the last frames are ahead
     angle = yaw + curvature * np.maximum(steps - 40, 0)
     return start + np.cumsum(np.column_stack([np.cos(angle), np.sin(angle)]), axis=0)
 
 
 def _terrain(poses, objects: Objects, world_boxes, low, high) -> Terrain:
-    """Ground through the car's own wheels and the bottoms of vehicles nearby."""
+    """Ground through the car's wheels and the bottoms of vehicles nearby."""
     foot = np.array([0.0, 0.0, -SENSOR.camera_height, 1.0])
     own = (poses @ foot)[:, :3]
     keep = np.concatenate([[True], np.hypot(*np.diff(own[:, :2], axis=0).T) > 0.2])
@@ -155,7 +155,7 @@ def _mark_roads(terrain: Terrain, path, kerb: float, objects: Objects, world_box
 
 
 def _keep_free(taken: Grid, poses, path, objects: Objects, world_boxes) -> None:
-    """Marks the car's way, the objects' ways and the lines of sight to visible objects."""
+    """Marks the paths of the car and the objects and the lines of sight to visible objects."""
     for pose in poses:
         taken.mark(rectangle_points(pose[:2, 3], _yaw(pose), 6.0, 5.0, 0.45))
     for box in world_boxes:

@@ -16,7 +16,7 @@ SIDE_HALF = 3.3  # half width of a side street
 
 @dataclass(frozen=True)
 class Stop:
-    """A stop line: arc length on the route, junction, and which signal group it obeys."""
+    """A stop line: arc length on the route, junction, and its signal group."""
 
     s: float
     junction: int
@@ -25,7 +25,7 @@ class Stop:
 
 @dataclass
 class Route:
-    """A way through the network: points (n, 2) a metre apart; where one gives way on it."""
+    """A path through the network: points (n, 2) a metre apart, its stop lines and its turn."""
 
     points: np.ndarray
     stops: list[Stop] = field(default_factory=list)
@@ -69,7 +69,7 @@ class Route:
 
 @dataclass(frozen=True)
 class Network:
-    """main (n, 2) centre line; lanes each way; parking strips (left, right) as widths; side
+    """main (n, 2) centre line; lanes per direction; widths of parking strips (left, right); side
     streets as centre lines (n, 2) with their arc length on the main road; all routes."""
 
     main: np.ndarray
@@ -85,7 +85,7 @@ class Network:
 
 
 def even(points) -> np.ndarray:
-    """The polyline with a point a metre."""
+    """The polyline resampled to a point per metre."""
     step = np.hypot(*np.diff(points, axis=0).T)
     length = np.concatenate([[0], np.cumsum(step)])
     s = np.arange(0, length[-1], 1.0)
@@ -93,7 +93,7 @@ def even(points) -> np.ndarray:
 
 
 def beside(points, offset: float) -> np.ndarray:
-    """The line `offset` metres to the left of `points`, a point a metre."""
+    """The line `offset` metres to the left of `points`, a point per metre."""
     step = np.gradient(points, axis=0)
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     return even(points + offset * np.column_stack([-step[:, 1], step[:, 0]]))

@@ -1,7 +1,7 @@
-"""What stands beside a road: facades, walls, fences, hedges, trees, poles, signs, bins.
+"""The roadside: facades, walls, fences, hedges, trees, poles, signs, bins.
 
 Objects are laid along a path, layer by layer outwards; each takes the first offset at which its
-footprint is free, so the static world is fitted around whatever was marked before.
+footprint is free of everything marked before.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from simulator.terrain import Terrain
 
 @dataclass(frozen=True)
 class Setting:
-    """What a neighbourhood looks like: shares and spacings (metres); choices of ours, made to
-    look like KITTI's city, residential and road scenes."""
+    """Shares and spacings (metres) of a neighbourhood's objects, chosen by hand to resemble
+    KITTI's city, residential and road scenes."""
 
     facade: float = 0.4  # share of the building line that is built on
     facade_offset: tuple[float, float] = (4.0, 14.0)  # from the kerb
@@ -39,17 +39,17 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class Site:
-    """Where things may be placed: `taken` (bool grid) holds what is already used."""
+    """A static world under construction; `taken` is a bool grid of occupied ground."""
 
     world: StaticWorld
     terrain: Terrain
     taken: Grid
 
     def place(self, center, yaw, length, width) -> bool:
-        """Takes a rectangle if it is free; says whether it was."""
+        """Occupies a rectangle if it is free; returns whether it was."""
         ahead = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
         if self.taken.at(np.stack([center, center + ahead, center - ahead])).any():
-            return False  # most tries end here
+            return False  # a quick test that most attempts fail
         points = rectangle_points(center, yaw, length, width)
         if self.taken.at(points).any():
             return False
@@ -135,7 +135,7 @@ def _pole(site: Site, center, yaw, rng) -> None:
 
 
 def tree(site: Site, center, rng) -> None:
-    """A trunk and a crown that lets some rays through."""
+    """Adds a trunk and a partly transparent crown."""
     low = site.ground(center)
     height, start = rng.uniform(4.5, 11.0), rng.uniform(1.5, 2.8)
     radius = rng.uniform(1.2, 3.2)
@@ -187,7 +187,7 @@ def _facades(site: Site, line: Line, setting: Setting, rng) -> None:
 
 
 def _backdrop(site: Site, line: Line, offset: float, share: float, rng) -> None:
-    """Woods and houses behind, so that few rays leave into the sky."""
+    """Woods and houses in the background, so that few rays miss everything."""
     s = rng.uniform(0, 10)
     while s < len(line):
         length = rng.uniform(6, 16)

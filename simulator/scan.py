@@ -1,4 +1,4 @@
-"""One sweep: rays against bodies, static world and ground, then what the sensor makes of it."""
+"""One sweep: rays against bodies, static world and ground, then the sensor model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PANE_RETURN = 0.35  # share of rays on a house's window that come back (frame, c
 
 @dataclass(frozen=True)
 class Scene:
-    """What one sweep sees.
+    """The input of one sweep.
 
     pose (4, 4): level frame -> world; boxes (M, 7) of the level frame with their bodies (M) and
     velocities (M, 3) relative to the level frame, m/s (None: at rest during the sweep).
@@ -36,8 +36,8 @@ class Scene:
 @dataclass(frozen=True)
 class Sweep:
     """points (n, 4) f32 x, y, z, intensity in the velodyne frame; owner (n,) int32: row of
-    `Scene.boxes`, -1 static world, -2 ground; rays, seen (M,): rays that would meet each object
-    if it stood alone, and those that meet it first."""
+    `Scene.boxes`, -1 static world, -2 ground; rays, seen (M,): numbers of rays that would
+    meet each object if it were alone, and of those that meet it first."""
 
     points: np.ndarray
     owner: np.ndarray
@@ -132,7 +132,7 @@ def _cast(scene: Scene, index, box, body, rays: Rays, window, rng, returns):
         moved = rays.time[window[1], None] * scene.velocities[index]
         origin = origin - moved[None].astype(np.float32)
     local_origin, local = to_box_frame(box, origin.reshape(-1, 3), direction.reshape(-1, 3))
-    # Only rays near the body's bounding sphere are worth the planes.
+    # Only rays near the body's bounding sphere are tested against its planes.
     radius2 = float((np.asarray(box[3:6]) ** 2).sum()) / 4 + 0.3
     along = (local_origin * local).sum(axis=1)
     near = np.flatnonzero((local_origin**2).sum(axis=1) - along**2 < radius2)

@@ -1,4 +1,4 @@
-"""Rays of the scanner: one per beam and azimuth step, in the velodyne and the level frame.
+"""Rays of the sensor: one per beam and azimuth step, in the velodyne and the level frame.
 
 Letters: B beams (top to bottom), C azimuth columns (left to right is not assumed; see `azimuth`).
 """
@@ -18,7 +18,7 @@ class Rays:
     """Rays of one sweep.
 
     azimuth (C,) rad, counter-clockwise from the velodyne's x; elevation (B,) rad;
-    origin_velo, direction_velo (B, C, 3) f32 as the scan file will express them;
+    origin_velo, direction_velo (B, C, 3) f32 in the frame of the scan file;
     origin, direction (B, C, 3) f32 in the level frame; time (C,) s from the sweep's reference.
     """
 
@@ -41,11 +41,11 @@ def beam_table(config: SensorConfig = SENSOR) -> tuple[np.ndarray, np.ndarray]:
 def make_rays(
     calib: Calibration, *, full: bool = False, velocity=None, config: SensorConfig = SENSOR
 ) -> Rays:
-    """Rays of one sweep in the camera's view, or all around with `full`.
+    """Rays of one sweep in the camera's view, or of 360 degrees with `full`.
 
     velocity: None for a scan corrected for the car's motion, as KITTI's are; else (vx, vy, yaw
-    rate) of the car in its own frame, m/s and rad/s: the scanner moves during the sweep and the
-    scan file keeps what it measured. The reference time is when the scanner looks ahead.
+    rate) of the car in its own frame, m/s and rad/s: the sensor moves during the sweep and the
+    scan is left uncorrected. At the reference time the sensor points forwards.
     """
     elevation, height = beam_table(config)
     half = 180.0 if full else config.view_half_angle_deg
@@ -55,7 +55,7 @@ def make_rays(
     if not full:
         elevation, height = elevation[: config.view_beams], height[: config.view_beams]
     beams = len(elevation)
-    # Lasers fire one after the other, so rings are shifted against each other within a step.
+    # Lasers fire in sequence, so rings are shifted against each other within a step.
     shift = ((np.arange(beams) * 0.618034) % 1.0 - 0.5) * step
     angle = azimuth[None, :] + shift[:, None]
     cos_el = np.cos(elevation)[:, None]
@@ -85,7 +85,7 @@ def make_rays(
 
 
 def _moved(origin, direction, velocity, time):
-    """Rays of a scanner that moves with `velocity` (vx, vy, yaw rate), seen from its pose at 0."""
+    """Rays of a sensor that moves with `velocity` (vx, vy, yaw rate), seen from its pose at 0."""
     vx, vy, rate = velocity
     yaw = (rate * time)[None, :]
     cos, sin = np.cos(yaw), np.sin(yaw)

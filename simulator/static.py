@@ -1,4 +1,4 @@
-"""What stands still: boxes, upright cylinders and ellipsoids in the world, and rays against them.
+"""The static world of boxes, upright cylinders and ellipsoids, and rays against them.
 
 All three are cut by the upright plane of an azimuth column, so a ray is a line in (r, z) there:
 r is the horizontal distance, z = height + slope * r. Letters: B beams, C columns, N shapes,
@@ -14,7 +14,7 @@ import numpy as np
 from simulator.convex import FAR
 
 BOX, CYLINDER, ELLIPSOID = 0, 1, 2
-REACH = 85.0  # shapes beyond it (metres) are not looked at
+REACH = 85.0  # metres; shapes beyond are skipped
 
 
 @dataclass(frozen=True)

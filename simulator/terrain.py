@@ -18,7 +18,7 @@ class Terrain:
         samples: (n, 3) known points of the ground.
         weights: (n,) their weights.
         low, high: (2,) bounds of the map.
-        kerb: height of what is not road above the road, metres; `mark_road` says what is road.
+        kerb: height of all but the road (see `mark_road`) above it, metres.
     """
 
     def __init__(self, samples, weights, low, high, kerb: float = 0.12):
@@ -27,7 +27,7 @@ class Terrain:
         self.raised.values[:] = kerb
 
     def mark_road(self, xy, height: float = 0.0) -> None:
-        """The cells of these points (n, 2) are road: no kerb, but `height` metres of crown."""
+        """Makes the cells of points (n, 2) road: `height` metres of crown instead of the kerb."""
         self.raised.mark(xy, height)
 
     def add_bumps(self, rng, amplitude: float, sigma: float) -> None:
@@ -42,8 +42,8 @@ class Terrain:
     def cast(self, columns) -> np.ndarray:
         """Horizontal distance (B, C) f32 at which rays meet the ground, FAR where they do not.
 
-        `columns` is a `simulator.static.Columns`. Finds the first of the radial samples below
-        the ground, then closes in on the crossing by four false-position steps.
+        `columns` is a `simulator.static.Columns`. Finds the first radial sample below the ground,
+        then the crossing by four steps of false position.
         """
         radius = np.geomspace(1.2, 95.0, 100).astype(np.float32)
         xy = columns.origin[:, None] + columns.heading[:, None] * radius[None, :, None]
@@ -84,7 +84,7 @@ class Terrain:
 
 
 def _fit(grid: Grid, samples, weights) -> Grid:
-    """Fits the smooth map: at each scale, the weighted mean of what coarser scales left over."""
+    """Fits the smooth map: at each scale the weighted mean of the residuals of coarser scales."""
     cells = grid.index(samples[:, :2])
     grid.values[:] = np.average(samples[:, 2], weights=weights)
     for scale in SCALES:

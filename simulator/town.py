@@ -1,4 +1,4 @@
-"""A town for own traffic: roads, ground, roadside, and who is where when the scene begins."""
+"""A town for own traffic: roads, ground, roadside, and the road users at the beginning."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.agents import Agent, Driver
+from simulator.bodies import draw_size
+from simulator.config import VehicleMix
 from simulator.grid import Grid
 from simulator.roads import LANE, SIDE_HALF, Network, Route, beside, make_network
 from simulator.roadside import SETTINGS, Site, furnish
-from simulator.sizes import draw_size
 from simulator.static import StaticWorld
 from simulator.terrain import Terrain
 
@@ -21,7 +22,7 @@ CROWN = 0.06  # metres by which the middle of the road is higher than its edge
 
 @dataclass(frozen=True)
 class Town:
-    """Network, ground and what stands beside the roads."""
+    """Roads, ground and roadside."""
 
     network: Network
     terrain: Terrain
@@ -76,8 +77,8 @@ def _mark_roads(terrain: Terrain, network: Network, kerbs) -> None:
         terrain.mark_road(np.vstack([line, (line[1:] + line[:-1]) / 2]), crown)
 
 
-def populate(town: Town, frames: int, rng) -> list[Agent]:
-    """Road users at the beginning; the first is the car with the scanner."""
+def populate(town: Town, frames: int, rng, mix: VehicleMix) -> list[Agent]:
+    """Road users at the beginning; the first is the car with the sensor."""
     network = town.network
     agents = [_ego(network, rng)]
     spots = Spots()
@@ -88,11 +89,11 @@ def populate(town: Town, frames: int, rng) -> list[Agent]:
             continue
         s = rng.uniform(0, density)
         while s < lane.length - 20:
-            agent = _vehicle(_choose(network, lane, s, rng), s, rng)
+            agent = _vehicle(_choose(network, lane, s, rng), s, rng, mix)
             if spots.take(agent):
                 agents.append(agent)
             s += agent.size[0] + 4 + rng.exponential(density)
-    agents += [agent for agent in _parked(town, frames, rng) if spots.take(agent)]
+    agents += [agent for agent in _parked(town, frames, rng, mix) if spots.take(agent)]
     agents += [agent for agent in _cyclists(network, rng) if spots.take(agent)]
     agents += [agent for agent in _pedestrians(town, frames, rng) if spots.take(agent)]
     for agent in agents[1:]:
@@ -103,13 +104,13 @@ def populate(town: Town, frames: int, rng) -> list[Agent]:
 
 
 class Spots:
-    """Which places are taken, so that nobody starts inside somebody."""
+    """Occupied places; prevents initial overlaps."""
 
     def __init__(self):
         self.discs = np.zeros((0, 3))
 
     def take(self, agent: Agent) -> bool:
-        """Takes the agent's place if it is free; says whether it was."""
+        """Occupies the agent's place if it is free; returns whether it was."""
         x, y, yaw = agent.place
         share = np.linspace(-0.45, 0.45, 5) * agent.size[0]
         centers = np.array([x, y]) + share[:, None] * [np.cos(yaw), np.sin(yaw)]
@@ -134,7 +135,7 @@ def _ego(network: Network, rng) -> Agent:
 
 
 def _choose(network: Network, lane: Route, s: float, rng) -> Route:
-    """The lane itself, or one of the ways that turn off it ahead."""
+    """The lane itself, or one of the routes that turn off it ahead."""
     if rng.random() < 0.7:
         return lane
     turns = [
@@ -146,8 +147,10 @@ def _choose(network: Network, lane: Route, s: float, rng) -> Route:
     return turns[int(rng.integers(len(turns)))] if turns else lane
 
 
-def _vehicle(route: Route, s: float, rng) -> Agent:
-    kind = str(rng.choice(["Car", "Van", "Truck"], p=[0.87, 0.10, 0.03]))
+def _vehicle(route: Route, s: float, rng, mix: VehicleMix) -> Agent:
+    cars = 1 - mix.moving_vans - mix.moving_trucks
+    shares = [cars, mix.moving_vans, mix.moving_trucks]
+    kind = str(rng.choice(["Car", "Van", "Truck"], p=shares))
     driver = Driver(
         speed=rng.uniform(7, 14), time_gap=rng.uniform(0.9, 1.8), distance=rng.uniform(1.5, 3.0),
         acceleration=rng.uniform(1.2, 2.2),
@@ -157,8 +160,8 @@ def _vehicle(route: Route, s: float, rng) -> Agent:
                  shift=shift, target=shift, home=shift)  # fmt: skip
 
 
-def _parked(town: Town, frames: int, rng) -> list[Agent]:
-    """Cars in rows on the strips; some of those along the kerb pull out."""
+def _parked(town: Town, frames: int, rng, mix: VehicleMix) -> list[Agent]:
+    """Parked cars on the strips; some of those along the kerb pull out."""
     network, agents = town.network, []
     lanes = network.lanes
     for strip, route in ((1, network.routes[lanes - 1]), (0, network.routes[2 * lanes - 1])):
@@ -169,7 +172,7 @@ def _parked(town: Town, frames: int, rng) -> list[Agent]:
         square = width > 3  # cars stand across
         s = rng.uniform(5, 15)
         while s < route.length - 10:
-            kind = "Van" if rng.random() < 0.06 and not square else "Car"
+            kind = "Van" if rng.random() < mix.parked_vans and not square else "Car"
             size = draw_size(kind, rng)
             room = (size[1] + rng.uniform(0.5, 1.0)) if square else size[0] + rng.uniform(0.7, 1.8)
             if rng.random() < occupancy and not _at_junction(network, route.spot(s + room / 2)):

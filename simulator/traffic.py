@@ -1,7 +1,7 @@
 """Traffic in steps of a tenth of a second: following, signals, giving way, overtaking, pulling out.
 
-Drivers see geometry, not lanes: whoever's footprint covers the points one will pass is the one
-ahead. So merging, crossing, parked cars, cyclists and pedestrians need no rules of their own.
+Drivers react to geometry, not to lanes: the road user ahead is the first whose footprint covers
+the future path. Merging, crossing, parked cars, cyclists and pedestrians need no separate rules.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import numpy as np
 from simulator.agents import SPACING, Agent, advance, discs, idm, look_ahead
 from simulator.roads import LANE
 
-AHEAD_ROOM = 44.0  # metres that have to be free to overtake or pull out
+AHEAD_ROOM = 44.0  # metres that must be free to overtake or pull out
 SIDE_ROOM = 0.35  # metres between passing cars
 VEHICLES = ("Car", "Van", "Truck")
 
 
 class Traffic:
-    """All road users of a scene; `agents[0]` is the car that carries the scanner.
+    """All road users of a scene; `agents[0]` is the car with the sensor.
 
     Args:
         agents: the road users.
-        signal_offsets: (J,) seconds by which the junctions' signals are shifted.
+        signal_offsets: (J,) phases of the junctions' signals, seconds.
         dt: seconds a step.
     """
 
@@ -41,7 +41,7 @@ class Traffic:
         return phase > self.GREEN - self.CLEAR
 
     def step(self) -> None:
-        """Moves everyone by `dt`."""
+        """Moves all agents by `dt`."""
         places = self.places()
         self._centers, self._radii = discs(places, np.array([a.size for a in self.agents]))
         self._yaw = places[:, 2]
@@ -75,7 +75,7 @@ class Traffic:
         self._move(index, agent, acceleration)
 
     def _move(self, index: int, agent: Agent, acceleration: float) -> None:
-        """Moves one agent, unless that would bring it into somebody."""
+        """Moves one agent unless it would collide with another."""
         kept = (agent.s, agent.shift, agent.shift_rate)
         centers = self._centers[index].copy()
         advance(agent, acceleration, self.dt)
@@ -91,7 +91,7 @@ class Traffic:
                 self._centers[index] = moved
 
     def _closest(self, index: int) -> float:
-        """Least room between the discs of one agent and everybody else's."""
+        """Smallest gap between the discs of one agent and of all others, metres."""
         own = self._centers[index]
         away = self._centers[:, 1] - own[1]
         near = np.flatnonzero((away * away).sum(axis=1) < 250.0)
@@ -101,7 +101,7 @@ class Traffic:
         return float(room.min()) - self._radii[index]
 
     def _ahead(self, index: int, agent: Agent, points) -> tuple[float, float]:
-        """Gap (m) to the next one on the way, and its speed along it; (1000, 0) if it is free."""
+        """Gap (m) to the next agent on the path and its speed along it; (1000, 0) if it is free."""
         away = self._centers[:, 1] - points[len(points) // 2]
         near = (away * away).sum(axis=1) < 32.0**2
         near[index] = False
@@ -143,7 +143,7 @@ class Traffic:
         return ((away**2).sum(-1) < reach[None, :, None] ** 2).any(axis=-1)
 
     def _free(self, index: int, agent: Agent, target: float, back: float, seconds: float) -> bool:
-        """Whether the way shifted to `target` stays free, those who come towards it included."""
+        """Whether the path shifted to `target` stays free, oncoming traffic included."""
         away = self._centers[:, 1] - self._centers[index, 1]
         others = np.flatnonzero((away * away).sum(axis=1) < 120.0**2)
         others = others[others != index]
@@ -174,7 +174,7 @@ class Traffic:
             agent.state, agent.target = "drive", agent.home
 
     def _walk(self, index: int, agent: Agent) -> None:
-        """Pedestrians keep their pace; they wait for cars before they step in front of them."""
+        """Moves a pedestrian at constant pace; one who crosses waits for cars."""
         x, y, yaw = agent.place
         step = np.array([np.cos(yaw), np.sin(yaw)])
         spot = np.array([x, y]) + 1.6 * step

@@ -1,7 +1,7 @@
 """Bodies of vehicles: hatchback, saloon, estate, SUV, van, truck, tram, scaled to a label's box.
 
-Box frame: x forward, y left, z up, origin at the centre; bodies fill the box as KITTI's boxes are
-filled: median slack over the vehicles of sequence 0000 is 2 cm along, 5 cm at a side, 8 cm on top.
+Box frame: x forward, y left, z up, origin at the centre. Bodies leave the median slack of the
+vehicles of sequence 0000 in their boxes: 2 cm along, 5 cm at a side, 8 cm on top.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from simulator.parts import (
     wheel,
 )
 
-STYLES = ("hatchback", "saloon", "estate", "suv")
 # Side profile of each style as shares of length (from the front) and of height:
 # bonnet front height, cowl x, cowl height, roof front x, roof rear x, tail x, tail height.
 PROFILES = {
@@ -31,15 +30,15 @@ PROFILES = {
     "estate": (0.47, 0.28, 0.61, 0.44, 0.90, 0.98, 0.63),
     "suv": (0.54, 0.25, 0.62, 0.38, 0.90, 0.98, 0.62),
 }
-RUBBER, CLOTH, CHROME = 0.06, 0.12, 0.5
+RUBBER, CLOTH = 0.06, 0.12
 
 
 @dataclass(frozen=True)
 class Paint:
-    """A car's paint at 905 nm: reflectivity, and how much of it is a mirror (see `Body`).
+    """A car's paint at 905 nm: reflectivity and gloss (see `Body`).
 
-    Kinds and shares are ours, after sequence 0000: about half of its cars return intensities
-    near zero, and a quarter lose a third or more of their points to dark, glossy paint.
+    Kinds and shares were chosen by hand after sequence 0000: about half of its cars return
+    intensities near zero, and a quarter lose a third or more of their points to dark, glossy paint.
     """
 
     reflectivity: float
@@ -59,7 +58,7 @@ def paint(rng) -> Paint:
 
 
 def style_of(length: float, height: float, rng) -> str:
-    """A body style that suits a car of this length and height."""
+    """A random body style for a car of this length and height."""
     if height > 1.62:
         return "suv"
     if length < 3.95:
@@ -185,7 +184,7 @@ def tram(size, rng) -> Body:
 
 
 def misc(size, rng) -> Body:
-    """Anything else on wheels (trailers and the like): a block on wheels."""
+    """Any other vehicle, such as a trailer: a block on wheels."""
     length, width, height = (float(value) for value in size)
     body = block((0, 0, 0.15), (length - 0.05, width - 0.05, height - 0.35), 0.9)
     wheels = _wheels(length / 2, width / 2 - 0.05, -height / 2, min(0.3, 0.2 * height))

@@ -4,14 +4,8 @@ Letters: B batch, N points, M queries or sampled points, K neighbours, C channel
 int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz.
 """
 
-from tf_ops.boxes import box_iou_3d, box_iou_bev, nms_3d, points_in_boxes
-from tf_ops.grouping import (
-    group_difference,
-    group_point,
-    knn_point,
-    query_ball_point,
-    select_top_k,
-)
+from tf_ops.boxes import box_iou_3d, nms_3d
+from tf_ops.grouping import group_difference, group_point, knn_point, query_ball_point
 from tf_ops.interpolation import three_interpolate, three_nn
 from tf_ops.loading import LibraryError, load_library
 from tf_ops.sampling import farthest_point_sample, gather_point
@@ -19,7 +13,6 @@ from tf_ops.sampling import farthest_point_sample, gather_point
 __all__ = [
     "LibraryError",
     "box_iou_3d",
-    "box_iou_bev",
     "farthest_point_sample",
     "gather_point",
     "group_difference",
@@ -27,9 +20,7 @@ __all__ = [
     "knn_point",
     "load_library",
     "nms_3d",
-    "points_in_boxes",
     "query_ball_point",
-    "select_top_k",
     "three_interpolate",
     "three_nn",
 ]

@@ -1,4 +1,4 @@
-"""Where the ops run: index ops always on the CPU, features where the model is."""
+"""Placement of the ops: index ops on the CPU, feature ops on the device of the model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import tensorflow as tf
 
 
 def on_cpu(function):
-    """Pins the ops that `function` makes to the CPU: their kernels exist for no other device."""
+    """Pins the ops of `function` to the CPU, the only device that has kernels for them."""
 
     @functools.wraps(function)
     def pinned(*args, **kwargs):
@@ -20,5 +20,5 @@ def on_cpu(function):
 
 @functools.cache
 def has_gpu() -> bool:
-    """Whether a GPU is visible; features then move by tf.gather, which runs on it."""
+    """Whether a GPU is visible; features are then gathered by tf.gather, which runs on it."""
     return bool(tf.config.list_physical_devices("GPU"))

@@ -1,4 +1,4 @@
-"""Loads the compiled ops, once and lazily, after checking what they were built against."""
+"""Loads the compiled ops, once and lazily, after a check of the TensorFlow they were built for."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _LOCK = threading.Lock()
 
 
 class LibraryError(ImportError):
-    """The compiled ops are missing or do not fit; the message says which command mends it."""
+    """The compiled ops are missing or unusable; the message names the command that repairs it."""
 
 
 def library_path() -> Path:
-    """Where the compiled ops are."""
+    """Path of the compiled ops."""
     default = Path(__file__).resolve().parent / "build" / "libtf_ops.so"
     return Path(os.environ.get(ENVIRONMENT, default))
 

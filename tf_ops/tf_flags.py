@@ -1,8 +1,8 @@
 """Writes the compiler flags of this Python's TensorFlow as a makefile fragment.
 
-Usage: tf_flags.py FLAGS.mk [NAME_OF_MAKE_TARGET]. Prints nothing on success; otherwise one line
-that says what to do, and exits with code 1. The file is rewritten only when TensorFlow changed,
-so it can serve as a prerequisite of every object; an unchanged TensorFlow is not imported.
+Usage: tf_flags.py FLAGS.mk. Prints nothing on success; otherwise prints one line with the problem
+and its remedy and exits with code 1. The file is rewritten only when TensorFlow has changed, so it
+can be a prerequisite of every object; an unchanged TensorFlow is not imported.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MINIMUM = (2, 16)
 
 
 def fingerprint() -> str | None:
-    """Names the installed TensorFlow without importing it; None if there is none."""
+    """Identifies the installed TensorFlow without importing it; None if there is none."""
     spec = importlib.util.find_spec("tensorflow")
     if spec is None or spec.origin is None:
         return None
@@ -25,7 +25,7 @@ def fingerprint() -> str | None:
 
 
 def fragment(found: str) -> str:
-    """The makefile fragment for the TensorFlow that can be imported now."""
+    """The makefile fragment for the installed TensorFlow."""
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     import tensorflow as tf
 
@@ -46,7 +46,7 @@ def fragment(found: str) -> str:
 
 
 def main(path: Path) -> str | None:
-    """Brings the file up to date; returns what is wrong, if anything."""
+    """Updates the file; returns the problem and its remedy, or None."""
     found = fingerprint()
     mend = "run `make venv` in the project's root"
     if found is None:

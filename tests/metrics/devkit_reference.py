@@ -170,11 +170,11 @@ def over_recall(truth: list[list[dict]], results: list[list[dict]], least: float
         }
 
     everything = at(-np.inf)
-    asked = everything["TP"] + everything["FN"]
+    evaluated = everything["TP"] + everything["FN"]
     scores = sorted(everything["scores"], reverse=True)
     points, recall = [], 0.0
     for i, score in enumerate(scores):
-        here, following = (i + 1) / asked, (i + 2) / asked
+        here, following = (i + 1) / evaluated, (i + 2) / evaluated
         if i < len(scores) - 1 and following - recall < recall - here:
             continue
         points.append((score, recall))

@@ -17,7 +17,7 @@ RATIOS = {"MOTA": "MOTA", "MOTP": "MOTP", "MT": "MTR", "ML": "MLR"}
 
 
 def write(folder: Path, entries: list[Entry]) -> list[Entry]:
-    """Files as trackeval wants them; returns what the project reads from them."""
+    """Writes files for trackeval; returns the entries that the project reads from them."""
     (folder / "gt" / "label_02").mkdir(parents=True)
     (folder / "trackers" / "ours" / "data").mkdir(parents=True)
     seqmap = "".join(f"{e.name} empty 000000 {e.num_frames:06d}\n" for e in entries)
@@ -89,6 +89,11 @@ def check(folder: Path, entries: list[Entry]) -> dict:
             says = np.mean(expected[name]["HOTA"][key])
             assert figures[key] == pytest.approx(says, abs=1e-9), (name, key)
         assert figures["IDF1"] == pytest.approx(expected[name]["Identity"]["IDF1"], abs=1e-9)
+        matched = expected[name]["HOTA"]["HOTA_TP"] > 0
+        located = expected[name]["HOTA"]["LocA"][matched]
+        assert figures["LocA"] == (
+            pytest.approx(located.mean(), abs=1e-9) if len(located) else None
+        )
     return clear["overall"]
 
 
@@ -124,6 +129,17 @@ def test_dontcare_height_and_van_rules(tmp_path):
     entry = Entry("0000", 1, Objects.concatenate([regions, van, car]), results)
     overall = check(tmp_path, [entry])
     assert (overall["FP"], overall["FN"], overall["TP"], overall["GT"]) == (2, 1, 0, 1)
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (2.0, 1 / 3), (5.0, None)])
+def test_localisation_is_averaged_over_thresholds_with_a_match(shift, expected):
+    """A car moved along its length by nothing, by half (3-D IoU 1/3), or beyond its box."""
+    image = [[700, 100, 800, 200]]
+    truth = rows("Car", [0], 1, [[20, 0, 0, 4, 2, 1.5, 0]], image)
+    result = rows("Car", [0], 1, [[20 + shift, 0, 0, 4, 2, 1.5, 0]], image, score=1.0)
+    overall = evaluate_protocol("hota", [Entry("0000", 1, truth, result)])["overall"]
+    assert overall["LocA"] == overall["IDF1"] == 1.0
+    assert overall["LocA_3D"] == (expected if expected is None else pytest.approx(expected))
 
 
 @pytest.mark.real

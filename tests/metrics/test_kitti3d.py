@@ -14,7 +14,7 @@ COUNTS = ("TP", "FP", "FN", "GT", "IDS", "FRAG")
 
 
 def through_files(folder, entry: Entry):
-    """(what the project reads, what the reference reads) after writing `entry`."""
+    """(read by the project, read by the reference) after writing `entry`."""
     labels, results = folder / f"gt{entry.name}.txt", folder / f"{entry.name}.txt"
     write_labels(labels, entry.truth)
     write_results(results, entry.results)
@@ -43,8 +43,8 @@ def test_the_cases_hold_every_kind_of_event(tmp_path):
     entries = [random_entry(seed, objects=4, name=f"{seed:04d}") for seed in range(6)]
     overall = evaluate_protocol("kitti3d", entries, min_iou=0.25)["overall"]
     assert min(overall[key] for key in COUNTS) > 5
-    asked = evaluate_protocol("kitti3d", entries, min_iou=0.25)["overall"]["GT"]
-    assert asked < sum(int((e.truth.type == "Car").sum()) for e in entries)  # some are ignored
+    evaluated = evaluate_protocol("kitti3d", entries, min_iou=0.25)["overall"]["GT"]
+    assert evaluated < sum(int((e.truth.type == "Car").sum()) for e in entries)  # some are ignored
 
 
 @pytest.mark.parametrize("seed", [21, 22])
@@ -85,7 +85,7 @@ def test_no_results_at_all():
 
 
 def test_means_of_means_can_fall_below_the_threshold_that_is_the_tracks_own_score():
-    """What AB3DMOT's evaluator does, and without which its published counts are not met."""
+    """AB3DMOT's evaluator does so; its published counts depend on it."""
 
     def mean(score: float) -> float:
         return naive_sum([score] * 51) / 51

@@ -51,7 +51,7 @@ def test_mostly_tracked_at_exactly_eighty_percent():
 
 
 def test_ignored_matched_first_frame_counts_as_tracked():
-    # 1 ignored + 4 asked frames, of which 3 are matched: (1 + 3) / 4 instead of 3 / 4
+    # 1 ignored + 4 evaluated frames, of which 3 are matched: (1 + 3) / 4 instead of 3 / 4
     assert (
         trajectory_counts([1, 1, 1, 1, -1], [True, False, False, False, False]).mostly_tracked == 1
     )

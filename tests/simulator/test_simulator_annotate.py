@@ -1,4 +1,4 @@
-"""Labels follow from rays and projection, and a sweep sees what is in front."""
+"""Labels from rays and projection, and occlusion in a sweep."""
 
 from __future__ import annotations
 

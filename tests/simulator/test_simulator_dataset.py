@@ -153,6 +153,7 @@ def test_options_change_what_they_say(again, made, tmp_path):
         (["--from_labels", "nowhere"], "--seqs"),
         (["--from_labels", "nowhere", "--seqs", "0016"], "nowhere"),
         (["--from_labels", "nowhere", "--seqs", "0016", "--split", "val"], "--split"),
+        (["--from_labels", "nowhere", "--seqs", "0016", "--van_share", "0.3"], "--van_share"),
     ],
 )
 def test_flags_that_do_not_fit(flags, word, tmp_path, capsys):
@@ -162,7 +163,10 @@ def test_flags_that_do_not_fit(flags, word, tmp_path, capsys):
     assert not (tmp_path / "x").exists()
 
 
-@pytest.mark.parametrize("flags", [["--frames", "0"], ["--seed", "-1"], ["--split", "test"]])
+@pytest.mark.parametrize(
+    "flags",
+    [["--frames", "0"], ["--seed", "-1"], ["--split", "test"], ["--van_share", "0.95"]],
+)
 def test_flags_that_are_wrong(flags, tmp_path, capsys):
     with pytest.raises(SystemExit) as caught:
         main(["--out", str(tmp_path / "x"), *flags])

@@ -1,4 +1,4 @@
-"""Traffic that moves as traffic does."""
+"""Traffic: following, signals, overtaking, pulling out, turns."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import pytest
 
 from kitti.iou import iou_bev
 from simulator.agents import Agent, Driver, idm
+from simulator.config import VehicleMix
 from simulator.drive import drive
 from simulator.roads import LANE, Route, Stop, make_network
+from simulator.town import make_town, populate
 from simulator.traffic import Traffic
 
 SIZE = np.array([4.0, 1.7, 1.5])
@@ -23,7 +25,7 @@ def car(route: Route, s: float, speed: float = 10.0, **more) -> Agent:
 
 
 def wanderer(far: float = 250.0) -> Agent:
-    """The first agent, out of everybody's way."""
+    """The first agent, far from all others."""
     return car(Route(np.column_stack([np.arange(300.0), np.full(300, far)])), 10)
 
 
@@ -74,7 +76,7 @@ def test_cyclists_are_overtaken_and_the_lane_is_taken_again():
     assert max(shifts) > 0.7 * LANE and abs(shifts[-1]) < 0.3
 
 
-def test_nobody_overtakes_into_oncoming_traffic():
+def test_no_overtaking_into_oncoming_traffic():
     route = straight()
     parked = car(route, 80.0, 0.0, state="fixed", pose=(80.0, 0.0, 0.0))
     back = Route(np.column_stack([np.arange(299.0, -1, -1), np.full(300, LANE)]))
@@ -93,10 +95,21 @@ def test_parked_cars_pull_out_when_there_is_room():
     passing = car(route, 85.0)
     traffic = Traffic([wanderer(), waiting, passing], np.zeros(0))
     traffic.step()
-    assert waiting.state == "parked"  # somebody comes
+    assert waiting.state == "parked"  # another car is passing
     for _ in range(150):
         traffic.step()
     assert waiting.state == "drive" and abs(waiting.shift) < 0.3 and waiting.s > 120
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_the_share_of_vans_is_the_chosen_one(share):
+    rng, mix = np.random.default_rng(1), VehicleMix.with_vans(share)
+    town = make_town(400.0, rng)
+    kinds = [agent.kind for agent in populate(town, 10, rng, mix)[1:]]
+    vehicles = [kind for kind in kinds if kind in ("Car", "Van", "Truck")]
+    assert len(vehicles) > 60
+    assert np.mean([kind == "Van" for kind in vehicles]) == pytest.approx(share, abs=0.1)
+    assert VehicleMix.with_vans(None) == VehicleMix()
 
 
 def test_network_turns_start_and_end_on_lanes():
@@ -121,7 +134,7 @@ def test_a_drive_is_plausible():
         kinds = world.kinds[world.rows[frame]]
         boxes = world.boxes[frame][np.isin(kinds, ("Car", "Van", "Truck"))]
         overlap = iou_bev(boxes, boxes) - np.eye(len(boxes))
-        assert overlap.max(initial=0) < 0.02  # nobody drives through anybody
+        assert overlap.max(initial=0) < 0.02  # no collisions
         speeds.append(world.speeds[frame].max())
         if frame:
             shared, now, before = np.intersect1d(

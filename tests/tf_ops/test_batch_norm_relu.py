@@ -39,11 +39,44 @@ def test_forward_equals_tensorflow(rows, channels):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
-def test_variance_survives_a_large_mean():
-    x, gamma, beta = inputs(5000, 4, offset=1000.0)
-    _, mean, variance = batch_norm_relu(x, gamma, beta, EPSILON)
-    np.testing.assert_allclose(mean, x.astype(np.float64).mean(0), rtol=1e-6)
-    np.testing.assert_allclose(variance, x.astype(np.float64).var(0), rtol=1e-4)
+def in_float64(x, gamma, beta):
+    """Moments and relu(batch norm) of the rows of x in float64; gradients of its squares / 2.
+
+    Each gradient comes with the magnitude of its largest term.
+    """
+    x, gamma, beta = (v.astype(np.float64) for v in (x, gamma, beta))
+    mean, variance = x.mean(0), x.var(0)
+    inverse = 1 / np.sqrt(variance + EPSILON)
+    normal = (x - mean) * inverse
+    y = np.maximum(gamma * normal + beta, 0)
+    d_beta, d_gamma = y.sum(0), (y * normal).sum(0)
+    d_x = gamma * inverse * (y - (d_beta + normal * d_gamma) / len(x))
+    scales = (np.abs(gamma * inverse * y).max(), np.abs(d_gamma).max(), np.abs(d_beta).max())
+    return mean, variance, y, zip((d_x, d_gamma, d_beta), scales, strict=True)
+
+
+@pytest.mark.parametrize("pooled", [False, True])
+@pytest.mark.parametrize("first_row", ["like the others", 0.0])
+@pytest.mark.parametrize(("offset", "rows"), [(1e3, 5000), (1e4, 5000), (-1e4, 20_000)])
+def test_a_mean_far_above_the_deviation(offset, rows, first_row, pooled):
+    """|mean| / std up to 1e4, also where row 0 is an outlier: float64 within float32's rounding."""
+    x, gamma, beta = inputs(rows, 4, offset=offset)
+    x = (x - np.float32(offset)) / 2 + np.float32(offset)  # deviation 1
+    if first_row == 0.0:
+        x[0] = 0.0
+    op = batch_norm_relu_max if pooled else batch_norm_relu
+    values = [tf.constant(v) for v in (x[:, None] if pooled else x, gamma, beta)]
+    with tf.GradientTape() as tape:
+        tape.watch(values)
+        y, mean, variance = op(*values, EPSILON)
+        loss = tf.reduce_sum(y * y) / 2
+    expected_mean, expected_variance, expected_y, gradients = in_float64(x, gamma, beta)
+    np.testing.assert_allclose(mean, expected_mean, rtol=1e-7)
+    np.testing.assert_allclose(variance, expected_variance, rtol=1e-5)
+    step = np.spacing(np.float32(abs(offset)))  # the mean is rounded to float32
+    np.testing.assert_allclose(y, expected_y, rtol=1e-5, atol=2 * step)
+    for found, (wanted, scale) in zip(tape.gradient(loss, values), gradients, strict=True):
+        np.testing.assert_allclose(tf.reshape(found, wanted.shape), wanted, atol=2 * step * scale)
 
 
 @pytest.mark.parametrize("rows", [2, 257, 1000])

@@ -1,4 +1,4 @@
-"""box_iou_3d, box_iou_bev, points_in_boxes, nms_3d against shapely, NumPy and hand-made cases."""
+"""box_iou_3d and nms_3d against shapely, NumPy and hand-made cases."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import shapely
 import tensorflow as tf
 
-from tf_ops import box_iou_3d, box_iou_bev, nms_3d, points_in_boxes
+from tf_ops import box_iou_3d, nms_3d
 
 InvalidArgument = tf.errors.InvalidArgumentError
 
@@ -44,10 +44,9 @@ def reference_iou(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 @pytest.mark.parametrize("seed", range(3))
 def test_iou_matches_shapely(seed):
     a, b = random_boxes(70, seed), random_boxes(60, seed + 10)
-    expected_3d, expected_bev = reference_iou(a, b)
-    assert 0.2 < (expected_3d > 0).mean() < 0.9
-    np.testing.assert_allclose(box_iou_3d(a, b), expected_3d, atol=2e-6)
-    np.testing.assert_allclose(box_iou_bev(a, b), expected_bev, atol=2e-6)
+    expected, _ = reference_iou(a, b)
+    assert 0.2 < (expected > 0).mean() < 0.9
+    np.testing.assert_allclose(box_iou_3d(a, b), expected, atol=2e-6)
 
 
 def test_iou_by_hand():
@@ -65,8 +64,6 @@ def test_iou_by_hand():
     diagonal = octagon / (8 - octagon)
     expected = [1, 1 / 3, 1 / 3, 0, 1, diagonal, 0]
     np.testing.assert_allclose(box_iou_3d([unit], others), [expected], atol=1e-6)
-    expected[2] = 1
-    np.testing.assert_allclose(box_iou_bev([unit], others), [expected], atol=1e-6)
     assert box_iou_3d([others[6]], [others[6]]).numpy() == 0
 
 
@@ -75,35 +72,6 @@ def test_boxes_in_batches():
     batched = box_iou_3d(a.reshape(2, 6, 7), b.reshape(2, 5, 7)).numpy()
     alone = np.stack([box_iou_3d(a[:6], b[:5]), box_iou_3d(a[6:], b[5:])])
     np.testing.assert_array_equal(batched, alone)
-    points = a[:, :3].reshape(2, 6, 3)
-    batched = points_in_boxes(points, b.reshape(2, 5, 7)).numpy()
-    alone = [points_in_boxes(points[i], b[5 * i : 5 * i + 5]).numpy() for i in range(2)]
-    np.testing.assert_array_equal(batched, alone)
-
-
-def test_points_in_boxes_matches_numpy():
-    boxes, rng = random_boxes(20), np.random.default_rng(0)
-    points = rng.uniform(-6, 6, (3000, 3)).astype(np.float32)
-    local = points[:, None].astype(np.float64) - boxes[None, :, :3]
-    cosine, sine = np.cos(boxes[:, 6].astype(np.float64)), np.sin(boxes[:, 6].astype(np.float64))
-    turned = np.stack(
-        [
-            cosine * local[..., 0] + sine * local[..., 1],
-            cosine * local[..., 1] - sine * local[..., 0],
-            local[..., 2],
-        ],
-        -1,
-    )
-    inside = (np.abs(turned) <= 0.5 * boxes[None, :, 3:6]).all(-1)
-    expected = np.where(inside.any(1), inside.argmax(1), -1)
-    assert 0.1 < (expected >= 0).mean() < 0.9
-    np.testing.assert_array_equal(points_in_boxes(points, boxes), expected)
-
-
-def test_the_surface_belongs_to_the_box_and_the_first_box_wins():
-    boxes = [[0, 0, 0, 2, 2, 2, 0], [1, 0, 0, 2, 2, 2, 0]]
-    points = [[1, 1, 1], [0.5, 0, 0], [1.5, 0, 0], [2, -1, -1], [2.001, 0, 0]]
-    assert points_in_boxes(points, boxes).numpy().tolist() == [0, 0, 1, 1, -1]
 
 
 def reference_nms(boxes, scores, threshold, most):
@@ -126,12 +94,9 @@ def test_nms_matches_numpy(threshold, most):
 def test_empty():
     none, some = np.zeros((0, 7), np.float32), random_boxes(3)
     assert box_iou_3d(none, some).shape == (0, 3)
-    assert box_iou_bev(some, none).shape == (3, 0)
-    assert points_in_boxes(np.zeros((2, 3)), none).numpy().tolist() == [-1, -1]
-    assert points_in_boxes(np.zeros((0, 3)), some).shape == (0,)
+    assert box_iou_3d(some, none).shape == (3, 0)
     assert nms_3d(none, np.zeros(0), 0.5, 3).shape == (0,)
     assert box_iou_3d(np.zeros((0, 2, 7)), np.zeros((0, 3, 7))).shape == (0, 2, 3)
-    assert points_in_boxes(np.zeros((0, 5, 3)), np.zeros((0, 2, 7))).shape == (0, 5)
 
 
 def test_slivers_and_copies():
@@ -141,12 +106,11 @@ def test_slivers_and_copies():
     boxes[2::4, :6] = boxes[::4, :6]
     boxes[3::4, 6] = np.arange(30) * np.pi / 2
     boxes[3::4, :3] = np.round(boxes[3::4, :3])
-    for op in (box_iou_3d, box_iou_bev):
-        iou = op(boxes, boxes).numpy()
-        assert np.isfinite(iou).all() and iou.min() >= 0 and iou.max() <= 1
-        np.testing.assert_allclose(iou, iou.T, atol=1e-5)
-    expected = reference_iou(boxes[::4], boxes[2::4])[1]
-    np.testing.assert_allclose(box_iou_bev(boxes[::4], boxes[2::4]), expected, atol=2e-6)
+    iou = box_iou_3d(boxes, boxes).numpy()
+    assert np.isfinite(iou).all() and iou.min() >= 0 and iou.max() <= 1
+    np.testing.assert_allclose(iou, iou.T, atol=1e-5)
+    expected, _ = reference_iou(boxes[::4], boxes[2::4])
+    np.testing.assert_allclose(box_iou_3d(boxes[::4], boxes[2::4]), expected, atol=2e-6)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -155,16 +119,13 @@ def test_not_finite(bad):
     broken[1, 6] = bad
     for call in (
         lambda: box_iou_3d(boxes, broken),
-        lambda: box_iou_bev(broken, boxes),
-        lambda: points_in_boxes(np.zeros((2, 3)), broken),
+        lambda: box_iou_3d(broken, boxes),
         lambda: nms_3d(broken, np.zeros(3), 0.5, 3),
     ):
         with pytest.raises(InvalidArgument, match=r"\[1, 6\] is -?(nan|inf)"):
             call()
     with pytest.raises(InvalidArgument, match=r"scores\[1\] is -?(nan|inf)"):
         nms_3d(boxes, np.array([1, bad, 0], np.float32), 0.5, 3)
-    with pytest.raises(InvalidArgument, match=r"points\[0, 0\] is -?(nan|inf)"):
-        points_in_boxes([[bad, 0.0, 0.0]], boxes)
 
 
 def test_other_errors():

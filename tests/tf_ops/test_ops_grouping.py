@@ -1,4 +1,4 @@
-"""query_ball_point, knn_point, three_nn, select_top_k against NumPy, index by index."""
+"""query_ball_point, knn_point, three_nn against NumPy, index by index."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import ops_reference as reference
 import pytest
 import tensorflow as tf
 
-from tf_ops import knn_point, query_ball_point, select_top_k, three_nn
+from tf_ops import knn_point, query_ball_point, three_nn
 
 InvalidArgument = tf.errors.InvalidArgumentError
 
@@ -59,12 +59,27 @@ def test_knn_where_only_the_last_neighbour_ties(k):
         np.testing.assert_array_equal(dist2, expected)
 
 
-def test_knn_of_distances_that_overflow():
-    xyz1 = reference.cloud("random", 1, 60) * np.float32(3e37)
+@pytest.mark.parametrize("size", [1, 60, 2000])
+@pytest.mark.parametrize("scale", [3e18, 1e30, 3e37])
+def test_knn_of_distances_that_overflow(size, scale):
+    """No, few or all squared distances are finite; those at infinity tie and go by index."""
+    xyz1 = reference.cloud("random", 2, size) * np.float32(scale)
+    xyz2 = np.concatenate([xyz1[:, ::40], -xyz1[:, :3]], 1)
     with np.errstate(over="ignore"):
-        rows = reference.squared_distances(xyz1, xyz1)
-    for k in (8, 40):
-        np.testing.assert_array_equal(knn_point(k, xyz1, xyz1)[1], reference.smallest(k, rows)[0])
+        rows = reference.squared_distances(xyz2, xyz1)
+    for k in (3, 8, 16, 17, 40, 200):
+        dist2, index = knn_point(k, xyz1, xyz2)
+        expected_index, expected = reference.smallest(k, rows)
+        np.testing.assert_array_equal(index, expected_index)
+        np.testing.assert_array_equal(dist2, expected)
+
+
+@pytest.mark.parametrize("k", [1, 3, 16, 17, 64])
+def test_knn_without_any_finite_distance(k):
+    points, queries = np.full((1, 500, 3), 1e30, np.float32), np.full((1, 2, 3), -1e30, np.float32)
+    dist2, index = knn_point(k, points, queries)
+    assert np.isinf(dist2).all()
+    np.testing.assert_array_equal(index, np.tile(np.arange(k), (1, 2, 1)))
 
 
 @pytest.mark.parametrize("kind", reference.KINDS)
@@ -118,30 +133,6 @@ def test_neighbours_in_a_real_scan(kitti_root):
     np.testing.assert_array_equal(three_nn(xyz2, xyz1)[1], reference.smallest(3, rows)[0])
 
 
-@pytest.mark.parametrize("columns", [1, 3, 100])
-@pytest.mark.parametrize("k", [1, 3, 20])
-def test_select_top_k_matches_numpy(columns, k):
-    rng = np.random.default_rng(columns)
-    rows = rng.integers(-5, 6, (2, 4, columns)).astype(np.float32) * np.float32(0.5)
-    rows[0, 0, 0] = np.inf
-    rows[0, 1, 0] = -np.inf
-    rows[rows == 0] = rng.choice([0.0, -0.0], (rows == 0).sum())
-    index, values = select_top_k(k, rows)
-    expected_index, expected = reference.smallest(k, rows)
-    np.testing.assert_array_equal(index, expected_index)
-    np.testing.assert_array_equal(values, expected)
-
-
-def test_select_top_k_rejects_nan():
-    with pytest.raises(InvalidArgument, match="nan at row 1, column 2"):
-        select_top_k(1, np.array([[1, 2, 3], [1, 2, np.nan]], np.float32))
-
-
-def test_select_top_k_of_nothing():
-    with pytest.raises(InvalidArgument, match=r"no values to choose from, received \[2,0\]"):
-        select_top_k(1, np.zeros((2, 0), np.float32))
-
-
 EMPTY = {
     "no batch": ((0, 5, 3), (0, 4, 3)),
     "no queries": ((2, 5, 3), (2, 0, 3)),
@@ -157,7 +148,6 @@ def test_empty(shapes):
     for k in (3, 30):
         assert [t.shape for t in knn_point(k, points, queries)] == [(*rows, k)] * 2
     assert [t.shape for t in three_nn(queries, points)] == [(*rows, 3)] * 2
-    assert [t.shape for t in select_top_k(2, np.zeros((*rows, 0)))] == [(*rows, 2)] * 2
 
 
 CALLS = {
@@ -170,7 +160,7 @@ CALLS = {
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
 class TestErrors:
-    """What every neighbour op refuses."""
+    """Inputs that every neighbour op refuses."""
 
     def test_queries_without_points(self, call):
         with pytest.raises(InvalidArgument, match="no points to choose from"):

@@ -29,17 +29,15 @@ def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
     ball, count = tf_ops.query_ball_point(0.8, 8, xyz, sampled)
     few2, few = tf_ops.knn_point(8, sampled, xyz)
     many2, many = tf_ops.knn_point(40, sampled, xyz)
-    top, top_values = tf_ops.select_top_k(5, many2)
     three2, three = tf_ops.three_nn(xyz, sampled)
     moved = features(xyz, chosen, ball, three, three2)
     boxes = tf.concat([sampled, tf.abs(sampled), sampled[..., :1]], -1)
-    inside, iou = tf_ops.points_in_boxes(xyz, boxes), tf_ops.box_iou_3d(boxes, boxes)
-    bev = tf_ops.box_iou_bev(boxes, boxes)
+    iou = tf_ops.box_iou_3d(boxes, boxes)
     kept = tf_ops.nms_3d(boxes[0], boxes[0, :, 0], 0.2, 20)
-    names = "chosen sampled ball count few2 few many2 many top top_values three2 three"
-    values = [chosen, sampled, ball, count, few2, few, many2, many, top, top_values, three2, three]
+    names = "chosen sampled ball count few2 few many2 many three2 three"
+    values = [chosen, sampled, ball, count, few2, few, many2, many, three2, three]
     found = dict(zip(names.split(), values, strict=True))
-    return found | moved | {"inside": inside, "iou": iou, "bev": bev, "kept": kept}
+    return found | moved | {"iou": iou, "kept": kept}
 
 
 def features(xyz, chosen, ball, three, weight) -> dict[str, tf.Tensor]:
@@ -75,11 +73,9 @@ def test_graph_with_unknown_batch_and_size():
     assert shapes["sampled"] == [None, SAMPLES, 3]
     assert shapes["ball"] == [None, SAMPLES, 8] and shapes["count"] == [None, SAMPLES]
     assert shapes["few"] == shapes["few2"] == [None, None, 8]
-    assert shapes["top"] == [None, None, 5]
     assert shapes["three"] == shapes["dense"] == [None, None, 3]
     assert shapes["grouped"] == [None, SAMPLES, 8, 3]
-    assert shapes["inside"] == [None, None] and shapes["iou"] == [None, SAMPLES, SAMPLES]
-    assert shapes["bev"] == shapes["iou"] and shapes["kept"] == [None]
+    assert shapes["iou"] == [None, SAMPLES, SAMPLES] and shapes["kept"] == [None]
     assert shapes["rows"] == shapes["pooled"] == [None, 3]
     assert shapes["d_xyz"] == [None, None, 3]
     assert_same(traced(xyz), pyramid(xyz))
@@ -168,7 +164,7 @@ np.savez(sys.argv[1], **found)
 @pytest.mark.slow
 @pytest.mark.parametrize("instructions", ["portable", "avx2"])
 def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
-    """The kernels for older processors, in a process of their own, give what this one's give."""
+    """Kernels for older processors, run in their own process, give the same results."""
     path = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
     environment = {**os.environ, "TF_OPS_INSTRUCTIONS": instructions, "PYTHONPATH": path}
     out = tmp_path / "found.npz"
@@ -210,7 +206,7 @@ def test_a_broken_library_names_the_command(tmp_path, monkeypatch):
 
 
 def build(tmp_path: Path, *arguments: str) -> str:
-    """What `make` says in a copy of the build's files, and that it fails."""
+    """The one line of a failing `make` in a copy of the build's files."""
     folder = tmp_path / "tf_ops"
     folder.mkdir(exist_ok=True)
     for name in ("Makefile", "tf_flags.py"):

@@ -1,4 +1,4 @@
-"""Upright boxes (x, y, z, l, w, h, yaw): overlap, points inside, suppression. Not differentiable.
+"""Upright boxes (x, y, z, l, w, h, yaw): overlap and suppression. Not differentiable.
 
 Boxes are in the level frame: the geometric centre in metres, yaw in radians counter-clockwise
 about +z. Overlaps are computed in float64.
@@ -11,13 +11,13 @@ import tensorflow as tf
 from tf_ops.devices import on_cpu
 from tf_ops.loading import load_library
 
-for _name in ("BoxIou", "PointsInBoxes", "Nms3d"):
+for _name in ("BoxIou", "Nms3d"):
     tf.no_gradient(f"PointTrackNet>{_name}")
 
 
 @on_cpu
 def box_iou_3d(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
-    """Rotated 3-D IoU of every box of the one with every box of the other.
+    """3-D IoU of upright, rotated boxes, for every pair of boxes1 and boxes2.
 
     Args:
         boxes1: (M, 7) or (B, M, 7) float32.
@@ -30,29 +30,6 @@ def box_iou_3d(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
         InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
     """
     return load_library().point_track_net_box_iou(boxes1=boxes1, boxes2=boxes2, bev=False)
-
-
-@on_cpu
-def box_iou_bev(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
-    """As `box_iou_3d`, of the boxes' areas seen from above (bird's-eye view)."""
-    return load_library().point_track_net_box_iou(boxes1=boxes1, boxes2=boxes2, bev=True)
-
-
-@on_cpu
-def points_in_boxes(points: tf.Tensor, boxes: tf.Tensor) -> tf.Tensor:
-    """The box that holds each point, surface included.
-
-    Args:
-        points: (N, 3) or (B, N, 3) float32, metres.
-        boxes: (M, 7) or (B, M, 7) float32.
-
-    Returns:
-        (N,) or (B, N) int32: the lowest index of the boxes that hold the point, -1 for none.
-
-    Raises:
-        InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
-    """
-    return load_library().point_track_net_points_in_boxes(points=points, boxes=boxes)
 
 
 @on_cpu

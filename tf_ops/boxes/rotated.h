@@ -1,5 +1,5 @@
-// Upright boxes (x, y, z, l, w, h, yaw) and how they overlap. Knows nothing of TensorFlow; computed
-// in double, since areas are differences of large numbers.
+// Overlap of upright boxes (x, y, z, l, w, h, yaw), independent of TensorFlow; computed in double,
+// since areas are differences of large numbers.
 #pragma once
 
 #include <algorithm>
@@ -27,14 +27,6 @@ struct RotatedBox {
 
   double area() const { return length * width; }
   double volume() const { return area() * height; }
-
-  // Whether the point lies inside or on the surface.
-  bool holds(const float* p) const {
-    if (std::abs(p[2] - z) > 0.5 * height) return false;
-    const double dx = p[0] - x, dy = p[1] - y;
-    return std::abs(cosine * dx + sine * dy) <= 0.5 * length &&
-           std::abs(cosine * dy - sine * dx) <= 0.5 * width;
-  }
 };
 
 inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
@@ -57,7 +49,7 @@ struct Polygon {
     y[size++] = py;
   }
 
-  // What is left where a x + b y <= limit (Sutherland and Hodgman, 1974).
+  // The part where a x + b y <= limit (Sutherland and Hodgman, 1974).
   Polygon cut(double a, double b, double limit) const {
     Polygon result;
     for (int i = 0; i < size; ++i) {
@@ -81,7 +73,7 @@ struct Polygon {
   }
 };
 
-// Area that two boxes share, seen from above.
+// Area of the overlap of two footprints.
 inline double shared_area(const RotatedBox& p, const RotatedBox& q) {
   const double dx = p.x - q.x, dy = p.y - q.y, reach = p.reach + q.reach;
   if (dx * dx + dy * dy > reach * reach) return 0;

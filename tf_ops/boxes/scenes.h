@@ -1,7 +1,7 @@
-// The box ops over a batch of scenes, shared among threads. Knows nothing of TensorFlow.
+// IoU of all pairs of boxes over a batch of scenes, divided among threads; independent of
+// TensorFlow.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 
 #include "boxes/rotated.h"
@@ -20,20 +20,6 @@ inline void all_ious(PairIou pair, const RotatedBox* boxes, const RotatedBox* ot
       for (int64_t i = 0; i < columns; ++i) {
         iou[row * columns + i] = static_cast<float>(pair(boxes[row], scene[i]));
       }
-    }
-  });
-}
-
-// index (batch, points): the first of the boxes (batch, count) that holds the point, or -1.
-inline void first_holders(const float* xyz, const RotatedBox* boxes, int64_t batch, int64_t points,
-                          int64_t count, int32_t* index, const Parallel& parallel) {
-  parallel.run(batch * points, 3 * count, [=](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const RotatedBox* first = boxes + i / points * count;
-      const RotatedBox* last = first + count;
-      const auto holds = [=](const RotatedBox& box) { return box.holds(xyz + 3 * i); };
-      const RotatedBox* holder = std::find_if(first, last, holds);
-      index[i] = holder == last ? -1 : static_cast<int32_t>(holder - first);
     }
   });
 }

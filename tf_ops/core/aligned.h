@@ -1,6 +1,9 @@
 // An array at a cache line's boundary, whose elements are left uninitialised.
-//
-// To be included inside the namespace of one instruction set.
+#pragma once
+
+#include "core/isa.h"
+
+namespace ptn::PTN_ISA {
 
 template <class T>
 class AlignedArray {
@@ -20,3 +23,5 @@ class AlignedArray {
   };
   std::unique_ptr<T, Free> data_;
 };
+
+}  // namespace ptn::PTN_ISA

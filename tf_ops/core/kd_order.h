@@ -1,7 +1,12 @@
 // Points as four arrays, and putting a range of them into k-d order: halved at the median of its
 // longest side, again and again, down to the leaves.
-//
-// To be included inside the namespace of one instruction set, after simd.h and aligned.h.
+#pragma once
+
+#include "core/aligned.h"
+#include "core/isa.h"
+#include "core/simd.h"
+
+namespace ptn::PTN_ISA {
 
 constexpr int kWidth = 16;
 constexpr int32_t kNoPoint = std::numeric_limits<int32_t>::max();
@@ -134,3 +139,5 @@ inline void divide(PointArrays& points, PointArrays& scratch, int64_t begin, int
   }
   std::memcpy(&points.index[to_lower], &scratch.index[begin * kWidth], bytes);
 }
+
+}  // namespace ptn::PTN_ISA

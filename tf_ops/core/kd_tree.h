@@ -4,8 +4,12 @@
 // Bounds are exact in float32. A point's squared distance and the distance to a box that holds it
 // are computed with the same operations; rounding is monotonic, so the box's is never the larger.
 // Pruning therefore changes no result, not even among ties.
-//
-// To be included inside the namespace of one instruction set, after kd_order.h.
+#pragma once
+
+#include "core/isa.h"
+#include "core/kd_order.h"
+
+namespace ptn::PTN_ISA {
 
 // Sixteen bounding boxes; unused places are empty boxes, infinitely far from anything.
 struct alignas(64) Group {
@@ -155,3 +159,5 @@ inline std::vector<std::unique_ptr<KdTree>> build_trees(const Clouds& clouds, in
   }
   return trees;
 }
+
+}  // namespace ptn::PTN_ISA

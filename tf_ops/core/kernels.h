@@ -1,5 +1,5 @@
-// The algorithms whose inner loops are compiled once per instruction set; `kernels()` picks the
-// best set that this processor has. Plain pointers, row-major arrays, coordinates finite.
+// The algorithms whose inner loops are compiled once per instruction set; `kernels()` returns the
+// set of this processor. Plain pointers, row-major arrays, coordinates finite.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,16 @@
 
 namespace ptn {
 
-// Per channel: y = relu(scale * x + shift).
+// Per channel: y = relu(scale * (x - mean) + shift).
 struct Affine {
+  const float* mean;
   const float* scale;
   const float* shift;
 };
 
-// Per channel: slope * x + offset, the part of a gradient that comes through the moments.
+// Per channel: slope * (x - mean) + offset, the part of a gradient that comes through the moments.
 struct GradAffine {
+  const float* mean;
   const float* slope;
   const float* offset;
 };
@@ -27,7 +29,7 @@ struct Clouds {
   int64_t size;
 };
 
-// Of every point near a query: points[index] - query + pair weight, then its positive part if relu.
+// For each neighbour of a query: points[index] - query + pair weight, clipped at 0 if relu.
 struct GroupDifference {
   int64_t batch, size, channels;  // points (batch, size, channels)
   int64_t queries, neighbours;    // index (batch, queries, neighbours), in range
@@ -35,7 +37,7 @@ struct GroupDifference {
   const float* points;
   const int32_t* index;
   const float* query;   // (batch, queries, channels)
-  const float* pair;    // nothing, if pairs is 0
+  const float* pair;    // unused if pairs is 0
   const float* weight;  // (pairs, channels)
   bool relu;
 };
@@ -54,10 +56,6 @@ struct Kernels {
   void (*knn_point)(Clouds clouds, Clouds queries, int32_t k, float* dist2, int32_t* index,
                     const Parallel&);
 
-  // The k smallest of each of `rows` rows of `columns` values, smallest first. Needs columns >= 1.
-  void (*select_top_k)(const float* values, int64_t rows, int64_t columns, int32_t k,
-                       float* smallest, int32_t* index, const Parallel&);
-
   // grouped (batch, queries, neighbours, channels).
   void (*group_difference)(const GroupDifference&, float* grouped, const Parallel&);
 
@@ -66,8 +64,8 @@ struct Kernels {
                          float* variance, const Parallel&);
   void (*affine_relu)(const float* x, Affine, int64_t rows, int64_t channels, float* y,
                       const Parallel&);
-  void (*grad_sums)(const float* grad, const float* x, Affine, const float* mean, int64_t rows,
-                    int64_t channels, double* total, const Parallel&);
+  void (*grad_sums)(const float* grad, const float* x, Affine, int64_t rows, int64_t channels,
+                    double* total, const Parallel&);
   void (*affine_relu_grad)(const float* grad, const float* x, Affine, GradAffine, int64_t rows,
                            int64_t channels, float* out, const Parallel&);
   void (*moments_and_extremes)(const float* x, const float* sign, int64_t groups, int64_t size,

@@ -1,7 +1,7 @@
 #if defined(__x86_64__) && !defined(PTN_NATIVE)
-#  include "core/kernels_std.h"
 #  define PTN_SIMD 256
 #  define PTN_ISA avx2
+#  include "core/isa.h"  // before the compiler is switched
 #  if defined(__clang__)
 #    pragma clang attribute push(__attribute__((target("avx2,popcnt,bmi"))), apply_to = function)
 #  else

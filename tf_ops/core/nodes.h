@@ -1,9 +1,13 @@
 // Visiting the children of a k-d tree's group, nearest first.
-//
-// To be included inside the namespace of one instruction set, after kd_tree.h.
+#pragma once
+
+#include "core/isa.h"
+#include "core/kd_tree.h"
+
+namespace ptn::PTN_ISA {
 
 // Calls visit(place) for the used places of a group whose bound is at most limit(), nearest
-// first; `limit` is asked again before each visit, since visits may lower it.
+// first; `limit` is evaluated before each visit, since visits may lower it.
 template <class Limit, class Visit>
 inline void nearest_first(F16 bounds, Mask used, Limit&& limit, Visit&& visit) {
   for (Mask left = used; left != 0;) {
@@ -17,3 +21,5 @@ inline void nearest_first(F16 bounds, Mask used, Limit&& limit, Visit&& visit) {
     });
   }
 }
+
+}  // namespace ptn::PTN_ISA

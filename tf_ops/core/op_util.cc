@@ -137,6 +137,14 @@ absl::Status grouped_shape(tf::shape_inference::InferenceContext* c) {
   return absl::OkStatus();
 }
 
+absl::Status make_grouped(tf::OpKernelContext* context, const tf::Tensor& points,
+                          const tf::Tensor& index, tf::Tensor** grouped) {
+  TF_RETURN_IF_ERROR(check_indices(index, "index", points.dim_size(1)));
+  tf::TensorShape shape = index.shape();
+  shape.AddDim(points.dim_size(2));
+  return context->allocate_output(0, shape, grouped);
+}
+
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value) {
   OP_REQUIRES_OK(context, context->GetAttr(name, value));
   OP_REQUIRES(context, *value >= 1, invalid(name, " must be at least 1, received ", *value));

@@ -1,4 +1,4 @@
-// What every op's kernel needs from TensorFlow: checks at the door, threads, shapes.
+// Helpers of the op kernels: input checks, threads, shapes, registration.
 #pragma once
 
 #include <cstdint>
@@ -38,11 +38,11 @@ absl::Status check_finite(const tf::Tensor& tensor, const char* name);
 // All of `index` lie in [0, limit).
 absl::Status check_indices(const tf::Tensor& index, const char* name, int64_t limit);
 
-// There is something to choose from, unless nothing is asked for (`wanted` elements).
+// points (B, N, C) has N > 0, unless the output has no elements (`wanted` is 0).
 absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t wanted);
 
-// Asks for huge pages behind a large output that is about to be written for the first time: most of
-// the price of such an output is the kernel's handing over of one small page after another.
+// Advises huge pages for a large output that is about to be written for the first time: page faults
+// of small pages are most of the cost of such an output.
 void prefer_huge_pages(tf::Tensor* output);
 
 inline Clouds clouds_of(const tf::Tensor& t) {
@@ -57,7 +57,20 @@ absl::Status neighbour_shapes(tf::shape_inference::InferenceContext* c, const ch
 // Shape of rows fetched by index: (B, N, C), (B, ...) -> (B, ..., C).
 absl::Status grouped_shape(tf::shape_inference::InferenceContext* c);
 
+// Checks index (B, ...) against points (B, N, C) and allocates output 0 of that shape.
+absl::Status make_grouped(tf::OpKernelContext* context, const tf::Tensor& points,
+                          const tf::Tensor& index, tf::Tensor** grouped);
+
 // Reads an int attribute that must be at least 1.
 void read_count(tf::OpKernelConstruction* context, const char* name, int32_t* value);
+
+// Registers the CPU kernel Op<T> of "PointTrackNet>`name`" for each type that features may have.
+#define PTN_REGISTER_FOR_FEATURES(name, Op)     \
+  PTN_REGISTER_FOR_TYPE(name, Op, float);       \
+  PTN_REGISTER_FOR_TYPE(name, Op, Eigen::half); \
+  PTN_REGISTER_FOR_TYPE(name, Op, Eigen::bfloat16)
+#define PTN_REGISTER_FOR_TYPE(name, Op, Type) \
+  REGISTER_KERNEL_BUILDER(                    \
+      Name("PointTrackNet>" name).Device(tf::DEVICE_CPU).TypeConstraint<Type>("T"), Op<Type>)
 
 }  // namespace ptn

@@ -1,4 +1,4 @@
-// Asking for memory before it is read.
+// Prefetching of rows before they are read.
 #pragma once
 
 #include <algorithm>
@@ -6,8 +6,7 @@
 
 namespace ptn {
 
-// Asks for the cache lines of a row that will soon be read, the first few: the processor goes on
-// from there by itself.
+// Prefetches the first cache lines of a row; the hardware prefetcher continues from there.
 inline void prefetch_row(const void* row, size_t bytes) {
   constexpr size_t kLine = 64, kMost = 8 * kLine;
   for (size_t i = 0; i < std::min(bytes, kMost); i += kLine) {

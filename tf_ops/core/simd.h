@@ -1,10 +1,9 @@
 // Sixteen floats or int32 at a time: one AVX-512 register, two AVX2 registers, or an array that the
-// compiler vectorises for whatever is there. Every operation rounds as the scalar one does (no
+// compiler vectorises for any other processor. Every operation rounds as the scalar one does (no
 // fused multiply-add), so all instruction sets give the same bits. Loads and stores are aligned.
-//
-// To be included inside the namespace of one instruction set, after PTN_SIMD is set.
+#pragma once
 
-using Mask = uint32_t;  // bit i: lane i
+#include "core/isa.h"
 
 #if PTN_SIMD == 512
 #  include "core/simd_avx512.h"
@@ -13,6 +12,8 @@ using Mask = uint32_t;  // bit i: lane i
 #else
 #  include "core/simd_portable.h"
 #endif
+
+namespace ptn::PTN_ISA {
 
 // Calls f(lane) for each set bit, lowest first.
 template <class F>
@@ -33,3 +34,5 @@ inline F16 squared(F16 dx, F16 dy, F16 dz) { return (dx * dx + dy * dy) + dz * d
 inline F16 distance2(const Point16& a, const Point16& b) {
   return squared(a.x - b.x, a.y - b.y, a.z - b.z);
 }
+
+}  // namespace ptn::PTN_ISA

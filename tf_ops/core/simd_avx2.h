@@ -1,4 +1,9 @@
 // See simd.h. Needs AVX2.
+#pragma once
+
+#include "core/isa.h"
+
+namespace ptn::PTN_ISA {
 
 struct F16 {
   __m256 a, b;
@@ -101,3 +106,5 @@ inline void compress(float* p, F16 x, Mask chosen) {
   compress(reinterpret_cast<int32_t*>(p), I16{_mm256_castps_si256(x.a), _mm256_castps_si256(x.b)},
            chosen);
 }
+
+}  // namespace ptn::PTN_ISA

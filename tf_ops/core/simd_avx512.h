@@ -1,4 +1,9 @@
 // See simd.h. Needs AVX-512 F and DQ.
+#pragma once
+
+#include "core/isa.h"
+
+namespace ptn::PTN_ISA {
 
 struct F16 {
   __m512 v;
@@ -49,3 +54,5 @@ inline void compress(float* p, F16 a, Mask chosen) {
 inline void compress(int32_t* p, I16 a, Mask chosen) {
   _mm512_storeu_si512(p, _mm512_maskz_compress_epi32(static_cast<__mmask16>(chosen), a.v));
 }
+
+}  // namespace ptn::PTN_ISA

@@ -1,4 +1,9 @@
 // See simd.h. Plain loops for the compiler to vectorise: SSE2, NEON, or whatever there is.
+#pragma once
+
+#include "core/isa.h"
+
+namespace ptn::PTN_ISA {
 
 template <class Number>
 struct alignas(64) Lanes16 {
@@ -80,3 +85,5 @@ inline void compress(Number* p, const Lanes16<Number>& x, Mask chosen) {
     p += chosen >> i & 1U;
   }
 }
+
+}  // namespace ptn::PTN_ISA

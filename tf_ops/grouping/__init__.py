@@ -1,4 +1,4 @@
-"""Neighbourhoods: who is near whom, and fetching the neighbours' features."""
+"""Neighbour search, and gathering of the neighbours' features."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import tensorflow as tf
 from tf_ops.devices import has_gpu, on_cpu
 from tf_ops.loading import load_library
 
-for _name in ("QueryBallPoint", "KnnPoint", "SelectTopK"):
+for _name in ("QueryBallPoint", "KnnPoint"):
     tf.no_gradient(f"PointTrackNet>{_name}")
 
 
@@ -24,9 +24,9 @@ def query_ball_point(
         xyz2: (B, M, 3) float32 queries, metres, finite.
 
     Returns:
-        idx: (B, M, nsample) int32 into xyz1; unused places hold the first one found. Of an empty
-            ball all places hold the nearest point.
-        count: (B, M) int32, how many were found, at most nsample; 0 for an empty ball.
+        idx: (B, M, nsample) int32 into xyz1; unused places repeat the first one found. In an
+            empty ball all places hold the nearest point.
+        count: (B, M) int32, points found, at most nsample; 0 for an empty ball.
         Not differentiable.
 
     Raises:
@@ -42,12 +42,12 @@ def knn_point(k: int, xyz1: tf.Tensor, xyz2: tf.Tensor) -> tuple[tf.Tensor, tf.T
     """The k nearest points of each query, nearest first, ties to the lower index.
 
     Args:
-        k: how many, >= 1. With k > N the rest repeats the nearest.
+        k: number of neighbours, >= 1. With k > N the rest repeats the nearest.
         xyz1: (B, N, 3) float32 points, metres, finite.
         xyz2: (B, M, 3) float32 queries, metres, finite.
 
     Returns:
-        dist2: (B, M, k) float32 squared distances, ascending.
+        dist2: (B, M, k) float32 squared distances, ascending; infinity where they overflow.
         idx: (B, M, k) int32 into xyz1.
         Not differentiable.
 
@@ -55,25 +55,6 @@ def knn_point(k: int, xyz1: tf.Tensor, xyz2: tf.Tensor) -> tuple[tf.Tensor, tf.T
         InvalidArgumentError: NaN or infinity, N = 0 with M > 0, or a wrong shape.
     """
     return load_library().point_track_net_knn_point(xyz1=xyz1, xyz2=xyz2, k=k)
-
-
-@on_cpu
-def select_top_k(k: int, dist: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """The k smallest of each row, smallest first, ties to the lower index.
-
-    Args:
-        k: how many, >= 1. With k > N the rest repeats the smallest.
-        dist: (..., N) float32 without NaN; infinities are allowed.
-
-    Returns:
-        idx: (..., k) int32 places in the row.
-        dist: (..., k) float32 values there.
-        Not differentiable.
-
-    Raises:
-        InvalidArgumentError: NaN in dist, or N = 0.
-    """
-    return load_library().point_track_net_select_top_k(dist=dist, k=k)
 
 
 def group_point(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
@@ -88,7 +69,7 @@ def group_point(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
 
     Raises:
         InvalidArgumentError: an index out of range, or a wrong shape. (On a GPU rows of an index
-            out of range are 0: that is tf.gather's rule.)
+            out of range are 0, as tf.gather defines it.)
     """
     if has_gpu():
         return tf.gather(points, idx, batch_dims=1)
@@ -119,13 +100,13 @@ def group_difference(
     """points[j] - query[i] + pair[i, j] weight for the neighbours j of each i, in one pass.
 
     The first linear layer of a neighbourhood (PointNet++, FlowNet3D), whose products with points
-    and queries were made before grouping. Differentiable for all but idx.
+    and queries are computed before grouping. Differentiable for all but idx.
 
     Args:
         points: (B, N, C) float32.
         idx: (B, M, K) int32, each in [0, N).
         query: (B, M, C) float32.
-        pair: (B, M, K, E) float32, a few values of each pair, and weight (E, C); or neither.
+        pair: (B, M, K, E) float32, a few values per pair, and weight (E, C); or neither.
         relu: whether to return the positive part.
 
     Returns:

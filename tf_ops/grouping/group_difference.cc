@@ -1,4 +1,4 @@
-#include "grouping/grouped_output.h"
+#include "core/op_util.h"
 
 namespace ptn {
 namespace {

@@ -1,7 +1,10 @@
 // The first linear layer of a neighbourhood, after its parts were multiplied: gather, subtract,
 // add.
-//
-// To be included inside the namespace of one instruction set.
+#pragma once
+
+#include "core/isa.h"
+
+namespace ptn::PTN_ISA {
 
 inline void difference_row(const float* __restrict source, const float* __restrict query,
                            int64_t channels, float* __restrict out) {
@@ -42,3 +45,5 @@ inline void group_difference(const GroupDifference& g, float* out, const Paralle
     }
   });
 }
+
+}  // namespace ptn::PTN_ISA

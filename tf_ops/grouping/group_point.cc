@@ -1,6 +1,5 @@
 #include "core/op_util.h"
 #include "core/rows.h"
-#include "grouping/grouped_output.h"
 
 namespace ptn {
 namespace {
@@ -102,17 +101,8 @@ class GroupPointGradOp : public tf::OpKernel {
   }
 };
 
-#define PTN_REGISTER(T)                                                                   \
-  REGISTER_KERNEL_BUILDER(                                                                \
-      Name("PointTrackNet>GroupPoint").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"),     \
-      GroupPointOp<T>);                                                                   \
-  REGISTER_KERNEL_BUILDER(                                                                \
-      Name("PointTrackNet>GroupPointGrad").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"), \
-      GroupPointGradOp<T>)
-PTN_REGISTER(float);
-PTN_REGISTER(Eigen::half);
-PTN_REGISTER(Eigen::bfloat16);
-#undef PTN_REGISTER
+PTN_REGISTER_FOR_FEATURES("GroupPoint", GroupPointOp);
+PTN_REGISTER_FOR_FEATURES("GroupPointGrad", GroupPointGradOp);
 
 }  // namespace
 }  // namespace ptn

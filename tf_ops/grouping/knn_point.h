@@ -1,6 +1,11 @@
-// k nearest neighbours, and the k smallest of rows.
-//
-// To be included inside the namespace of one instruction set, after nearest_few.h, nearest_many.h.
+// k nearest neighbours.
+#pragma once
+
+#include "core/isa.h"
+#include "grouping/nearest_few.h"
+#include "grouping/nearest_many.h"
+
+namespace ptn::PTN_ISA {
 
 using Trees = std::vector<std::unique_ptr<KdTree>>;
 
@@ -45,23 +50,4 @@ inline void knn_point(Clouds clouds, Clouds queries, int32_t k, float* dist2, in
   run(trees, queries, k, dist2, index, parallel);
 }
 
-inline void select_top_k(const float* values, int64_t rows, int64_t columns, int32_t k,
-                         float* smallest, int32_t* index, const Parallel& parallel) {
-  parallel.run(rows, 2 * columns + 50 * int64_t{k}, [&](int64_t begin, int64_t end) {
-    const int64_t kept = std::min<int64_t>(k, columns);
-    std::vector<Key> keys(static_cast<size_t>(columns));
-    for (int64_t row = begin; row < end; ++row) {
-      const float* value = values + row * columns;
-      for (int64_t i = 0; i < columns; ++i) {
-        keys[i] = make_key(value[i], static_cast<int32_t>(i));
-      }
-      std::nth_element(keys.begin(), keys.begin() + kept - 1, keys.end());
-      std::sort(keys.begin(), keys.begin() + kept);
-      for (int64_t i = 0; i < k; ++i) {
-        const int32_t chosen = index_of(keys[i < kept ? i : 0]);
-        index[row * k + i] = chosen;
-        smallest[row * k + i] = value[chosen];
-      }
-    }
-  });
-}
+}  // namespace ptn::PTN_ISA

@@ -1,7 +1,11 @@
 // The k nearest points for small k: sixteen neighbouring queries at a time, a lane each. Every lane
 // keeps a sorted list of its own; a candidate is offered to all lanes at once.
-//
-// To be included inside the namespace of one instruction set, after nodes.h.
+#pragma once
+
+#include "core/isa.h"
+#include "core/nodes.h"
+
+namespace ptn::PTN_ISA {
 
 constexpr int32_t kFew = 16;  // the largest k for which this is the faster way
 
@@ -148,3 +152,5 @@ class Nearest {
   float distance_ = kInfinity;
   int32_t index_ = kNoPoint;
 };
+
+}  // namespace ptn::PTN_ISA

@@ -1,7 +1,11 @@
 // The k nearest points for large k: one query at a time. Whole blocks of candidates are buffered;
 // a threshold that keeps about k of them is found by counting, and only those are put in order.
-//
-// To be included inside the namespace of one instruction set, after nodes.h.
+#pragma once
+
+#include "core/isa.h"
+#include "core/nodes.h"
+
+namespace ptn::PTN_ISA {
 
 constexpr int kManyLeafBlocks = 4;  // many are wanted: few leaves to order, each searched at once
 
@@ -79,13 +83,19 @@ class ManyNearest {
     if (size_ <= enough_) return;
     for (int64_t i = size_; i % kWidth != 0; ++i) distance_[i] = kInfinity;
     const int64_t blocks = divide_up(size_, kWidth);
+    int64_t finite = 0;
     F16 most = all(0.0F);
     for (int64_t b = 0; b < blocks; ++b) {
       const F16 d = load(&distance_[b * kWidth]);
+      finite += __builtin_popcount(bits(d < all(kInfinity)));
       most = max(most, select(d < all(kInfinity), d, all(0.0F)));
     }
-    limit_ =
-        std::min(limit_, threshold(distance_.data(), blocks, k_, enough_, 0.0F, largest(most)));
+    // Squared distances may overflow: with fewer than k finite ones all candidates stay, and
+    // cut_ties chooses among those at infinity.
+    if (finite >= k_) {
+      limit_ =
+          std::min(limit_, threshold(distance_.data(), blocks, k_, enough_, 0.0F, largest(most)));
+    }
     int64_t kept = 0;
     for (int64_t b = 0; b < blocks; ++b) {
       const F16 d = load(&distance_[b * kWidth]);
@@ -166,3 +176,5 @@ class ManyNearest {
   Point16 query_;
   float limit_ = kInfinity;
 };
+
+}  // namespace ptn::PTN_ISA

@@ -1,6 +1,10 @@
 // Ball query: the first points, in index order, within a radius.
-//
-// To be included inside the namespace of one instruction set, after nearest_few.h.
+#pragma once
+
+#include "core/isa.h"
+#include "grouping/nearest_few.h"
+
+namespace ptn::PTN_ISA {
 
 // A set of indices below a limit, read out in order: a bit per index, and a bit per used word.
 class IndexSet {
@@ -63,3 +67,5 @@ inline void query_ball_point(Clouds clouds, Clouds queries, float radius, int32_
     }
   });
 }
+
+}  // namespace ptn::PTN_ISA

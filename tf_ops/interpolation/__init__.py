@@ -1,4 +1,4 @@
-"""From sparse points to dense ones: three nearest neighbours, and weighted sums of them."""
+"""Interpolation from sparse to dense points: three nearest neighbours and weighted sums."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def three_interpolate(points: tf.Tensor, idx: tf.Tensor, weight: tf.Tensor) -> t
     """Weighted sums of three rows each; differentiable for points and weight.
 
     Args:
-        points: (B, M, C) float32, float16 or bfloat16; sums are float32 all the same.
+        points: (B, M, C) float32, float16 or bfloat16; sums are float32 for every type.
         idx: (B, N, 3) int32, each in [0, M).
         weight: (B, N, 3) float32.
 

@@ -129,17 +129,8 @@ class ThreeInterpolateGradOp : public tf::OpKernel {
   }
 };
 
-#define PTN_REGISTER(T)                                                                         \
-  REGISTER_KERNEL_BUILDER(                                                                      \
-      Name("PointTrackNet>ThreeInterpolate").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"),     \
-      ThreeInterpolateOp<T>);                                                                   \
-  REGISTER_KERNEL_BUILDER(                                                                      \
-      Name("PointTrackNet>ThreeInterpolateGrad").Device(tf::DEVICE_CPU).TypeConstraint<T>("T"), \
-      ThreeInterpolateGradOp<T>)
-PTN_REGISTER(float);
-PTN_REGISTER(Eigen::half);
-PTN_REGISTER(Eigen::bfloat16);
-#undef PTN_REGISTER
+PTN_REGISTER_FOR_FEATURES("ThreeInterpolate", ThreeInterpolateOp);
+PTN_REGISTER_FOR_FEATURES("ThreeInterpolateGrad", ThreeInterpolateGradOp);
 
 }  // namespace
 }  // namespace ptn

@@ -10,7 +10,9 @@ from tf_ops.loading import load_library
 def batch_norm_relu(
     x: tf.Tensor, gamma: tf.Tensor, beta: tf.Tensor, epsilon: float
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """relu(gamma * (x - mean) / sqrt(variance + epsilon) + beta), the moments being those of x.
+    """relu(gamma * (x - mean) / sqrt(variance + epsilon) + beta) with the moments of x.
+
+    The moments are exact to float32 for any ratio of mean and deviation (`batch_norm.h`).
 
     Args:
         x: (R, C) float32.
@@ -33,10 +35,10 @@ def batch_norm_relu(
 def batch_norm_relu_max(
     x: tf.Tensor, gamma: tf.Tensor, beta: tf.Tensor, epsilon: float
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """The maximum over axis 1 of batch_norm_relu over the rows of x, without making them.
+    """The maximum over axis 1 of batch_norm_relu over the rows of x, computed without them.
 
     Normalisation and ReLU are monotonic in x, so the largest x of each group (the smallest where
-    gamma < 0) is found first, in the pass that makes the moments, and normalised alone.
+    gamma < 0) is found first, in the pass over x for the moments, and normalised alone.
 
     Args:
         x: (G, K, C) float32, K >= 1.

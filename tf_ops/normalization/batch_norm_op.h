@@ -1,4 +1,4 @@
-// What the kernels of batch normalisation share: the checks at the door and the outputs.
+// Input checks and outputs of the kernels of batch normalisation.
 #pragma once
 
 #include <vector>
@@ -12,21 +12,21 @@ namespace ptn {
 absl::Status channel_shapes(tf::shape_inference::InferenceContext* c,
                             tf::shape_inference::ShapeHandle x, int first, int count);
 
-// Inputs are x, gamma, beta; or grad, x, gamma, beta, mean, variance of a gradient, which has
-// place, too, if it is pooled. Outputs are what input 0 is to become, then two of shape (C), then
-// place (G, C), if pooled and no gradient. x is (R, C), or (G, K, C) if pooled.
+// Inputs: x, gamma, beta; of a gradient grad, x, gamma, beta, mean, variance, and place if pooled.
+// Outputs: y or the gradient of x, then two of shape (C), and place (G, C) if pooled and not a
+// gradient. x is (R, C), or (G, K, C) if pooled.
 class BatchNormOp : public tf::OpKernel {
  public:
   BatchNormOp(tf::OpKernelConstruction* context, bool pooled, bool gradient);
 
-  // Checks the inputs, makes the outputs, and leaves the work to `run` unless x is empty.
+  // Checks the inputs, allocates the outputs and calls `run` unless x is empty.
   void Compute(tf::OpKernelContext* context) final;
 
  protected:
   struct Call {
     tf::OpKernelContext* context;
     int64_t rows, channels;  // of x, flat
-    int64_t groups, size;    // rows = groups * size, if pooled
+    int64_t groups, size;    // rows = groups * size; size is 1 unless pooled
     Parallel threads;
 
     template <class T = float>

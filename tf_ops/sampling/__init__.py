@@ -1,4 +1,4 @@
-"""Choosing points: farthest point sampling, and fetching what was chosen."""
+"""Farthest point sampling, and gathering of the sampled points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def farthest_point_sample(npoint: int, xyz: tf.Tensor) -> tf.Tensor:
     """Exact farthest points in float32, the first at index 0, ties to the lowest index.
 
     Args:
-        npoint: how many, >= 1. With npoint > N the rest is index 0.
+        npoint: number of samples, >= 1. With npoint > N the rest is index 0.
         xyz: (B, N, 3) float32, metres, finite.
 
     Returns:

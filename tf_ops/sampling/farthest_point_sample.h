@@ -1,7 +1,11 @@
 // Exact farthest point sampling over k-d buckets (after Han et al., "QuickFPS", TCAD 2023): a new
 // sample only touches buckets that hold a point nearer to it than to all samples before.
-//
-// To be included inside the namespace of one instruction set.
+#pragma once
+
+#include "core/isa.h"
+#include "core/kd_tree.h"
+
+namespace ptn::PTN_ISA {
 
 class FarthestPoints {
  public:
@@ -144,3 +148,5 @@ inline void farthest_point_sample(Clouds clouds, int32_t npoint, int32_t* index,
                  for (int64_t b = begin; b < end; ++b) sample(b, serial());
                });
 }
+
+}  // namespace ptn::PTN_ISA

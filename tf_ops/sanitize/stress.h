@@ -1,4 +1,4 @@
-// What the parts of the stress program share: real threads, and the count of failures.
+// Shared by the parts of the stress program: real threads, and the count of failures.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// Rotated boxes: overlap, points inside, suppression.
+// Rotated boxes: overlap, suppression.
 
 #include <cmath>
 
@@ -8,7 +8,7 @@
 namespace stress {
 namespace {
 
-constexpr int64_t kScenes = 2, kBoxes = 40, kPoints = 200;
+constexpr int64_t kScenes = 2, kBoxes = 40;
 
 // Boxes that are crowded, and slivers and copies among them, where rounding is at its worst.
 std::vector<ptn::RotatedBox> crowded(std::mt19937* random) {
@@ -43,17 +43,6 @@ void boxes(uint32_t seed) {
   const auto all = crowded(&random);
   overlaps(all, ptn::iou_3d);
   overlaps(all, ptn::iou_bev);
-  const std::vector<float> xyz = normal(kScenes * kPoints * 3, &random, 3.0F);
-  std::vector<int32_t> holder(kScenes * kPoints);
-  ptn::first_holders(xyz.data(), all.data(), kScenes, kPoints, kBoxes, holder.data(),
-                     real_threads(3));
-  for (int64_t i = 0; i < kScenes * kPoints; ++i) {
-    int64_t expected = -1;
-    for (int64_t b = kBoxes - 1; b >= 0; --b) {
-      if (all[i / kPoints * kBoxes + b].holds(xyz.data() + 3 * i)) expected = b;
-    }
-    expect(holder[i] == expected, "boxes", "holder", i);
-  }
   const std::vector<float> scores = normal(kScenes * kBoxes, &random);
   expect(!ptn::suppress(all, scores.data(), 0.1, 10).empty(), "boxes", "suppress", kBoxes);
 }

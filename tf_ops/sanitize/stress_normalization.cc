@@ -52,10 +52,8 @@ Layer plain(const Kernels& set, const Problem& p, const Parallel& threads) {
                           kEpsilon);
   set.affine_relu(p.x.data(), n.affine(), rows, c, l.y.data(), threads);
   std::vector<double> total(static_cast<size_t>(2 * c));
-  set.grad_sums(p.grad.data(), p.x.data(), n.affine(), l.mean.data(), rows, c, total.data(),
-                threads);
-  const ptn::MomentGradient m(total.data(), n, l.mean.data(), rows, c, l.grad_gamma.data(),
-                              l.grad_beta.data());
+  set.grad_sums(p.grad.data(), p.x.data(), n.affine(), rows, c, total.data(), threads);
+  const ptn::MomentGradient m(total.data(), n, rows, c, l.grad_gamma.data(), l.grad_beta.data());
   set.affine_relu_grad(p.grad.data(), p.x.data(), n.affine(), m.affine(), rows, c, l.grad_x.data(),
                        threads);
   return l;
@@ -71,9 +69,9 @@ Layer pooled(const Kernels& set, const Problem& p, const Parallel& threads) {
   set.affine_relu(l.y.data(), n.affine(), p.groups, c, l.y.data(), threads);
   std::vector<float> spike(l.y.size());
   std::vector<double> total(static_cast<size_t>(2 * c));
-  ptn::gather_spikes(p.pooled_grad.data(), p.x.data(), l.place.data(), n, l.mean.data(), p.groups,
-                     p.size, c, spike.data(), total.data());
-  const ptn::MomentGradient m(total.data(), n, l.mean.data(), p.rows(), c, l.grad_gamma.data(),
+  ptn::gather_spikes(p.pooled_grad.data(), p.x.data(), l.place.data(), n, p.groups, p.size, c,
+                     spike.data(), total.data());
+  const ptn::MomentGradient m(total.data(), n, p.rows(), c, l.grad_gamma.data(),
                               l.grad_beta.data());
   set.pooled_grad(p.x.data(), spike.data(), l.place.data(), m.affine(), p.groups, p.size, c,
                   l.grad_x.data(), threads);

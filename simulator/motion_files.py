@@ -1,4 +1,4 @@
-"""oxts/00XX.txt: the car's own motion, 30 columns a frame as KITTI's GPS/IMU writes them."""
+"""Files of the car's own motion: poses/00XX.txt and oxts/00XX.txt."""
 
 from __future__ import annotations
 
@@ -7,14 +7,27 @@ from pathlib import Path
 import numpy as np
 
 from common.files import write_text
+from kitti.calibration import LEVEL_FROM_CAMERA
 
 EARTH_RADIUS = 6378137.0  # metres, as KITTI's raw data devkit has it
 START = (49.0, 8.4)  # degrees: latitude and longitude, near Karlsruhe
 GRAVITY = 9.81
 
 
+def write_poses(path: str | Path, poses) -> None:
+    """Writes level-frame poses (F, 4, 4) in KITTI odometry's layout.
+
+    A row is the pose of camera 0 of a frame in camera 0 of the first frame.
+    """
+    turn = np.eye(4)
+    turn[:3, :3] = LEVEL_FROM_CAMERA
+    relative = turn.T @ (np.linalg.inv(poses[0]) @ poses) @ turn
+    rows = relative[:, :3].reshape(len(relative), 12)
+    write_text(path, "".join(" ".join(f"{v:.9f}" for v in row) + "\n" for row in rows))
+
+
 def oxts_lines(poses, period_s: float) -> list[str]:
-    """Lines for poses (F, 4, 4) of the level frame in a world whose x points east.
+    """Lines of KITTI's GPS/IMU for poses (F, 4, 4) of the level frame in a world with x east.
 
     Columns of the devkit: lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz
     wf wl wu pos_accuracy vel_accuracy navstat numsats posmode velmode orimode.
