@@ -40,7 +40,8 @@ def commands() -> list[Command]:
     found = {}
     for path in documents():
         for language, block in BLOCKS.findall(path.read_text(encoding="utf-8")):
-            for line in block.splitlines() if language == "sh" else ():
+            lines = re.sub(r" *\\\n *", " ", block).splitlines()  # continued ones are one
+            for line in lines if language == "sh" else ():
                 if line.strip():
                     found.setdefault(line, Command(str(path.relative_to(ROOT)), line))
     return list(found.values())

@@ -73,7 +73,6 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "--from_labels": Here(TRAINING, ("--seqs", "0001", "--processes", "1")),
     "--workdir runs/detector": Here(TRAINING, (*ONE_STEP, *DETECTOR)),
     "--workdir runs/tracker": Here(TRAINING, (*ONE_STEP, *TRACKER)),
-    "--workdir runs/frozen": Here(TRAINING, (*ONE_STEP, *TRACKER)),
     "training.export": Here(TRAINING),
     "--tracker.fusion ": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
     "--tracker.fused_features": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
