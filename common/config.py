@@ -1,4 +1,7 @@
-"""Frozen dataclasses to and from JSON and command-line flags, checked field by field."""
+"""Frozen dataclasses to and from JSON and command-line flags, checked field by field.
+
+A field's metadata may hold `least` and `most`, bounds of its number or of each number in its tuple.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,29 @@ import dataclasses
 import json
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from common.errors import InputError
 
 T = TypeVar("T")
+
+MAX_ITEMS = 64
+"""Of a tuple of any length."""
+_MAX_INT, _MAX_FLOAT = 2**53, 1e15
+
+
+def parse_json(text: str | bytes, path: str | Path | None = None) -> Any:
+    """The value of a JSON text.
+
+    Raises:
+        InputError: not JSON, nested too deeply, or a number of thousands of digits.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"expected JSON: {error}", path) from error
 
 
 def to_dict(config: Any) -> dict[str, Any]:
@@ -29,51 +49,83 @@ def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
     Raises:
         InputError: names the field, what was found and what was expected.
     """
-    return _convert(cls, values, cls.__name__, path)
+    return _convert(cls, values, cls.__name__, path, {})
 
 
-def _convert(kind: Any, value: Any, name: str, path: str | Path | None) -> Any:
+def _convert(
+    kind: Any, value: Any, name: str, path: str | Path | None, bounds: Mapping[str, Any]
+) -> Any:
     if dataclasses.is_dataclass(kind):
         return _convert_dataclass(kind, value, name, path)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         if not isinstance(value, (list, tuple)):
-            raise InputError(f"{name}: expected a list, found {value!r}", path)
+            raise InputError(f"{name}: expected a list, found {_short(value)}", path)
         variadic = len(arguments) == 2 and arguments[1] is Ellipsis
         if not variadic and len(value) != len(arguments):
-            raise InputError(f"{name}: expected {len(arguments)} items, found {value!r}", path)
+            raise InputError(
+                f"{name}: expected {len(arguments)} items, found {_short(value)}", path
+            )
+        if variadic and not 1 <= len(value) <= MAX_ITEMS:
+            raise InputError(f"{name}: expected 1 to {MAX_ITEMS} items, found {len(value)}", path)
         kinds = [arguments[0]] * len(value) if variadic else arguments
         return tuple(
-            _convert(k, v, f"{name}[{i}]", path)
+            _convert(k, v, f"{name}[{i}]", path, bounds)
             for i, (k, v) in enumerate(zip(kinds, value, strict=True))
         )
     if origin is typing.Literal:
         if value not in arguments:
-            raise InputError(f"{name}: expected one of {list(arguments)}, found {value!r}", path)
+            raise InputError(
+                f"{name}: expected one of {list(arguments)}, found {_short(value)}", path
+            )
         return value
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
-        return _convert(next(a for a in arguments if a is not type(None)), value, name, path)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise InputError(f"{name}: expected {kind.__name__}, found {value!r}", path)
+        inner = next(a for a in arguments if a is not type(None))
+        return _convert(inner, value, name, path, bounds)
+    if kind in (int, float):
+        return _number(kind, value, name, path, bounds)
+    if not isinstance(value, kind):
+        raise InputError(f"{name}: expected {kind.__name__}, found {_short(value)}", path)
     return value
+
+
+def _number(
+    kind: type, value: Any, name: str, path: str | Path | None, bounds: Mapping[str, Any]
+) -> int | float:
+    largest = _MAX_INT if kind is int else _MAX_FLOAT
+    least, most = bounds.get("least", -largest), bounds.get("most", largest)
+    if isinstance(value, bool) or not isinstance(value, (int, kind)):
+        raise InputError(f"{name}: expected {kind.__name__}, found {_short(value)}", path)
+    if not least <= value <= most:  # neither does NaN
+        raise InputError(f"{name}: expected {least} to {most}, found {_short(value)}", path)
+    return kind(value)
+
+
+def _short(value: Any) -> str:
+    """The value for a message, cut to a readable length."""
+    if isinstance(value, int) and abs(value) >= 10**20:
+        return f"an integer of {value.bit_length()} bits"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None) -> Any:
     if isinstance(value, cls):
         return value
     if not isinstance(value, dict):
-        raise InputError(f"{name}: expected an object, found {value!r}", path)
+        raise InputError(f"{name}: expected an object, found {_short(value)}", path)
     hints = typing.get_type_hints(cls)
     fields = dataclasses.fields(cls)
     unknown = sorted(set(value) - {field.name for field in fields})
     missing = [f.name for f in fields if f.name not in value and _has_no_default(f)]
     if unknown or missing:
         raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
-    return cls(**{n: _convert(hints[n], v, f"{name}.{n}", path) for n, v in value.items()})
+    bounds = {field.name: field.metadata for field in fields}
+    return cls(
+        **{n: _convert(hints[n], v, f"{name}.{n}", path, bounds[n]) for n, v in value.items()}
+    )
 
 
 def _has_no_default(field: dataclasses.Field) -> bool:
@@ -147,6 +199,6 @@ def _parse_bool(text: str) -> bool:
 
 def _parse_json(text: str) -> Any:
     try:
-        return json.loads(text)
-    except json.JSONDecodeError:
+        return parse_json(text)
+    except InputError:
         return text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import sys
@@ -31,36 +32,65 @@ def run(
 ) -> int:
     """Runs `main(argv)`; bad input and full disks become one line on stderr and exit code 2.
 
-    Returns the exit code: 0 on success, 2 for `InputError` and `OSError`, 130 when interrupted.
+    Returns the exit code: 0 on success, 2 for `InputError`, `OSError` and `MemoryError`, 130 when
+    interrupted.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # less of TensorFlow's start-up messages
+    _open_streams()
     try:
-        return main(argv) or 0
+        code = main(argv) or 0
+        sys.stdout.flush()
+        return code
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        return _refuse(f"error: {error}")
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
-        return 2
+        return _refuse(f"error: {where}{error.strerror or error}")
+    except MemoryError:
+        return _refuse("error: out of memory")
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        _refuse("interrupted")
         return INTERRUPTED
+
+
+def _open_streams() -> None:
+    """Gives a process that was started with a closed stream a null device in its place."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _refuse(line: str) -> int:
+    """Prints one line on standard error; a stream that takes nothing changes no exit code."""
+    for stream, text in ((sys.stdout, ""), (sys.stderr, line + "\n")):
+        try:
+            stream.write(text)
+            stream.flush()
+        except (OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError):  # else Python writes again at its end
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return 2
 
 
 def positive_int(text: str) -> int:
     """argparse type: an integer >= 1."""
-    value = int(text) if text.lstrip("+-").isdigit() else 0
-    if value < 1:
+    value = _digits(text.removeprefix("+"))
+    if value is None or value < 1:
         raise argparse.ArgumentTypeError(f"expected an integer >= 1, found {text!r}")
     return value
 
 
 def non_negative_int(text: str) -> int:
     """argparse type: an integer >= 0."""
-    if not text.isdigit():
+    value = _digits(text)
+    if value is None:
         raise argparse.ArgumentTypeError(f"expected an integer >= 0, found {text!r}")
-    return int(text)
+    return value
+
+
+def _digits(text: str) -> int | None:
+    """The number that up to 18 ASCII digits are; None for any other text."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= 18 else None
 
 
 def finite_float(text: str) -> float:

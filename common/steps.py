@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from common.config import parse_json
 from common.files import write_json
 from common.provenance import ROOT
 
@@ -35,7 +35,7 @@ class Steps:
 
     def _read(self) -> dict[str, str]:
         try:
-            found = json.loads(self.path.read_text(encoding="utf-8"))
+            found = parse_json(self.path.read_bytes())
         except (OSError, ValueError):  # none yet, or spoilt: everything is done again
             return {}
         return found if isinstance(found, dict) else {}

@@ -5,25 +5,35 @@ Letters used in models/: B batch, N points, M sampled points, K neighbours, C ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import MISSING, dataclass, field
+from typing import Any, Literal
 
 Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product"]  # Table III
 FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
 
 
-def note(default, text: str):
-    return field(default=default, metadata={"help": text})
+MAX_POINTS, MAX_WIDTH, MAX_NEIGHBORS = 200_000, 8192, 4096
+"""Bounds of what is read: far beyond any use, within the memory of a machine."""
+
+
+def note(default, text: str, least: float = 0, most: float | None = None):
+    """A field with its help text and its bounds, see `common.config`; no bound is below 0."""
+    bounds = {"least": least} if most is None else {"least": least, "most": most}
+    return field(default=default, metadata={"help": text, **bounds})
+
+
+def _between(least: float, most: float, default: Any = MISSING):
+    return field(default=default, metadata={"least": least, "most": most})
 
 
 @dataclass(frozen=True)
 class SetAbstractionConfig:
     """One SA row of Table I, single-scale grouping."""
 
-    num_points: int
-    radius: float  # metres
-    widths: tuple[int, ...]
-    num_neighbors: int = 32  # open in the paper; PointNet++'s value
+    num_points: int = _between(1, MAX_POINTS)
+    radius: float = _between(0, 1000)  # metres
+    widths: tuple[int, ...] = _between(1, MAX_WIDTH)
+    num_neighbors: int = _between(1, MAX_NEIGHBORS, 32)  # open in the paper; PointNet++'s value
 
 
 @dataclass(frozen=True)
@@ -33,9 +43,9 @@ class SetUpconvConfig:
     The last width is the layer after pooling and the skip connection, as in FlowNet3D.
     """
 
-    radius: float  # metres; neighbours outside are replaced by the nearest
-    widths: tuple[int, ...]
-    num_neighbors: int = 8  # FlowNet3D
+    radius: float = _between(0, 1000)  # metres; neighbours outside are replaced by the nearest
+    widths: tuple[int, ...] = _between(1, MAX_WIDTH)
+    num_neighbors: int = _between(1, MAX_NEIGHBORS, 8)  # FlowNet3D
 
 
 def _sa(num_points: int, radius: float, *widths: int) -> SetAbstractionConfig:
@@ -46,11 +56,13 @@ def _sa(num_points: int, radius: float, *widths: int) -> SetAbstractionConfig:
 class BoxCodingConfig:
     """Heading bins, size templates and classes of the detector's head (Frustum PointNets)."""
 
-    num_heading_bins: int = note(12, "NH (Frustum PointNets)")
+    num_heading_bins: int = note(12, "NH (Frustum PointNets)", 1, 360)
     classes: tuple[str, ...] = note(("Car", "Van"), "NC semantic classes: the paper's vehicles")
     size_templates: tuple[tuple[float, float, float], ...] = note(
         ((3.902, 1.620, 1.517), (4.935, 1.866, 2.167)),
         "NS templates (l, w, h) in metres: means over the labels of sequences 0001-0015",
+        0.01,
+        100,
     )
     quality: bool = note(
         True, "predict the 3-D IoU of a point's box with its object (not in the paper: IoU-Net)"
@@ -61,7 +73,7 @@ class BoxCodingConfig:
 class DetectorConfig:
     """The detector's rows of Table I."""
 
-    num_points: int = note(15000, "N (section IV.B)")
+    num_points: int = note(15000, "N (section IV.B)", 1, MAX_POINTS)
     point_features: Literal["none", "height", "height+range"] = note(
         "height+range",
         "features made from the coordinates of a point; none = the plain N x 3 input",
@@ -83,17 +95,19 @@ class DetectorConfig:
         ),
         "FP1 to FP3",
     )
-    propagation_widths: tuple[int, ...] = note((256, 256), "FP4")
-    fc1_width: int = note(128, "FC1")
+    propagation_widths: tuple[int, ...] = note((256, 256), "FP4", 1, MAX_WIDTH)
+    fc1_width: int = note(128, "FC1", 1, MAX_WIDTH)
     box: BoxCodingConfig = field(default_factory=BoxCodingConfig)
-    batch_norm_momentum: float = note(0.97, "moving averages; choice of ours for short trainings")
+    batch_norm_momentum: float = note(
+        0.97, "moving averages; choice of ours for short trainings", 0, 1
+    )
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
     """The tracker's rows of Table I."""
 
-    num_kept_points: int = note(5000, "N' of the probability filter (section IV.B)")
+    num_kept_points: int = note(5000, "N' of the probability filter (section IV.B)", 1, MAX_POINTS)
     fused_features: FusedFeatures = note("filter+FC1", "Table IV; its best row")
     fusion: Fusion = note("cosine_distance", "Table III; its best row")
     fusion_keeps_features: bool = note(
@@ -104,16 +118,18 @@ class TrackerConfig:
     set_abstraction: tuple[SetAbstractionConfig, ...] = note(
         (_sa(2048, 0.5, 32, 32, 64), _sa(512, 1.0, 64, 64, 128)), "SA1 and SA2, both frames"
     )
-    association_radius: float = note(5.0, "Assn. (metres)")
-    association_neighbors: int = note(64, "K (section IV.B)")
-    association_widths: tuple[int, ...] = note((128, 128), "Assn.")
+    association_radius: float = note(5.0, "Assn. (metres)", 0, 1000)
+    association_neighbors: int = note(64, "K (section IV.B)", 1, MAX_NEIGHBORS)
+    association_widths: tuple[int, ...] = note((128, 128), "Assn.", 1, MAX_WIDTH)
     refinement_abstraction: SetAbstractionConfig = _sa(32, 4.0, 256, 256)  # SA3
     refinement_upconv: tuple[SetUpconvConfig, ...] = note(
         (SetUpconvConfig(4.0, (256, 256)), SetUpconvConfig(1.0, (128, 256, 256))), "FP1 and FP2"
     )
-    propagation_widths: tuple[int, ...] = note((256, 256), "FP3")
-    fc1_width: int = note(128, "FC1")
-    batch_norm_momentum: float = note(0.97, "moving averages; choice of ours for short trainings")
+    propagation_widths: tuple[int, ...] = note((256, 256), "FP3", 1, MAX_WIDTH)
+    fc1_width: int = note(128, "FC1", 1, MAX_WIDTH)
+    batch_norm_momentum: float = note(
+        0.97, "moving averages; choice of ours for short trainings", 0, 1
+    )
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from common.config import parse_json
 from common.errors import InputError
 from common.files import write_bytes, write_json
 from common.progress import Progress
@@ -56,10 +57,7 @@ def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
         return {}
     if not path.is_file():
         raise InputError(f"is not empty and has no {MANIFEST}; choose another folder", root)
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"expected JSON, {error}", path) from error
+    found = parse_json(path.read_bytes(), path)
     if not isinstance(found, dict):
         raise InputError("expected a JSON object", path)
     other = [key for key in manifest if found.get(key) != manifest[key]]

@@ -18,39 +18,43 @@ class AugmentationConfig:
     """Random changes of a training sample; both frames of a pair change alike (our choices)."""
 
     flip: bool = note(True, "mirror left and right, half of the time")
-    rotation: float = note(0.35, "about the vertical, uniform in [-x, x] radians")
-    scale: float = note(0.05, "uniform in [1 - x, 1 + x]")
-    height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres")
-    dropout: float = note(0.3, "share of the points left out, uniform in [0, x]")
+    rotation: float = note(0.35, "about the vertical, uniform in [-x, x] radians", 0, 3.15)
+    scale: float = note(0.05, "uniform in [1 - x, 1 + x]", 0, 0.9)
+    height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres", 0, 100)
+    dropout: float = note(0.3, "share of the points left out, uniform in [0, x]", 0, 0.95)
     object_shift: float = note(
         2.0, "D of section IV.D: every labelled object moves by a length from [0, D] metres"
     )
-    object_shift_share: float = note(0.6, "share of the samples whose objects are shifted")
+    object_shift_share: float = note(0.6, "share of the samples whose objects are shifted", 0, 1)
 
 
 @dataclass(frozen=True)
 class ScheduleConfig:
     """Optimizer and length of a training."""
 
-    epochs: int = note(16, "length of the training")
-    frames_per_epoch: int = note(0, "samples in an epoch; 0: all of them")
-    batch_size: int = note(8, "of all replicas together: 8 for the detector, 6 for the tracker")
+    epochs: int = note(16, "length of the training", 0, 10**6)
+    frames_per_epoch: int = note(0, "samples in an epoch; 0: all of them", 0, 10**7)
+    batch_size: int = note(
+        8, "of all replicas together: 8 for the detector, 6 for the tracker", 1, 4096
+    )
     learning_rate_min: float = note(1e-4, "lower bound of the cyclical learning rate")
     learning_rate_max: float = note(1e-3, "upper bound of the cyclical learning rate")
-    cycle_epochs: int = note(8, "a full cycle, up and down")
-    beta1: float = note(0.9, "Adam")
-    beta2: float = note(0.999, "Adam")
+    cycle_epochs: int = note(8, "a full cycle, up and down", 1, 10**6)
+    beta1: float = note(0.9, "Adam", 0, 0.9999)
+    beta2: float = note(0.999, "Adam", 0, 0.999999)
     epsilon: float = note(1e-8, "Adam")
     frozen_batch_norm_from: float = note(
         0.75,
         "share of the training after which batch normalisation uses its moving averages, frozen, "
         "as at inference; the moments of a few frames are far from those of all; 1: never",
+        0,
+        1,
     )
     clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
-    keep_checkpoints: int = note(3, "how many of the last checkpoints stay beside the best")
+    keep_checkpoints: int = note(3, "how many of the last checkpoints stay beside the best", 1)
     validation_frames: int = note(64, "samples looked at after each epoch; 0: all")
-    seed: int = note(0, "of initial weights, order, sampling and augmentation")
+    seed: int = note(0, "of initial weights, order, sampling and augmentation", 0, 2**32 - 1)
 
 
 @dataclass(frozen=True)

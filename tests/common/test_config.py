@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from common.config import from_dict, to_dict
+from common.config import from_dict, parse_json, to_dict
 from common.errors import InputError
 
 
@@ -18,6 +18,7 @@ class _Layer:
 class _Config:
     layer: _Layer = dataclasses.field(default_factory=lambda: _Layer(8))
     frozen: bool = False
+    rates: tuple[float, ...] = dataclasses.field(default=(0.5,), metadata={"least": 0, "most": 1})
 
 
 def test_there_and_back():
@@ -38,8 +39,23 @@ def test_a_record_older_than_a_field_has_its_default():
         ({"layer": {"width": "4"}}, "width: expected int, found '4'"),
         ({"frozen": 1}, "frozen: expected bool"),
         ([], "expected an object"),
+        ({"layer": {"width": 10**400}}, "width: expected .* found an integer of 1329 bits"),
+        ({"layer": {"width": True}}, "width: expected int, found True"),
+        ({"layer": {"width": 4, "radii": [10**400]}}, r"radii\[0\]: expected .* 1329 bits"),
+        ({"layer": {"width": 4, "radii": [float("nan")]}}, r"radii\[0\]: expected .*nan"),
+        ({"layer": {"width": 4, "radii": [1e300]}}, r"radii\[0\]: expected .*1e\+300"),
+        ({"layer": {"width": 4, "radii": []}}, "radii: expected 1 to 64 items, found 0"),
+        ({"rates": [0.5, 1.5]}, r"rates\[1\]: expected 0 to 1, found 1.5"),
+        ({"rates": [-0.5]}, r"rates\[0\]: expected 0 to 1, found -0.5"),
     ],
 )
 def test_what_does_not_fit_is_named(values, message):
     with pytest.raises(InputError, match=message):
         from_dict(_Config, values, "config.json")
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", "1" * 5000, "nul", b"\xff"])
+def test_json_that_cannot_be_read_is_one_line(text):
+    with pytest.raises(InputError, match=r"^c\.json: expected JSON: ") as error:
+        parse_json(text, "c.json")
+    assert "\n" not in str(error.value)

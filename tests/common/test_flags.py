@@ -2,11 +2,17 @@
 
 import argparse
 import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from common import flags
 from common.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def _raiser(error):
@@ -60,6 +66,7 @@ def test_unknown_abbreviated_or_wrong_flag(capsys, argv):
     ("kind", "good", "value"),
     [
         (flags.positive_int, "12", 12),
+        (flags.positive_int, "+3", 3),
         (flags.non_negative_int, "0", 0),
         (flags.finite_float, "-1.5e2", -150.0),
         (flags.non_negative_float, "0", 0.0),
@@ -78,6 +85,9 @@ def test_types_read_good_values(kind, good, value):
         (flags.positive_int, "+-2"),
         (flags.non_negative_int, "-1"),
         (flags.non_negative_int, ""),
+        (flags.non_negative_int, "\u0663"),
+        (flags.positive_int, "\u00b2"),
+        (flags.positive_int, "9" * 5000),
         (flags.finite_float, "nan"),
         (flags.finite_float, "inf"),
         (flags.finite_float, "two"),
@@ -87,3 +97,28 @@ def test_types_read_good_values(kind, good, value):
 def test_types_refuse_bad_values(kind, bad):
     with pytest.raises((argparse.ArgumentTypeError, ValueError)):
         kind(bad)
+
+
+REFUSING = "import sys; from common import flags; from common.errors import InputError\n"
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"),
+    [
+        ("2>&-", "def main(argv): raise InputError('bad')"),
+        ("2>/dev/full", "def main(argv): raise InputError('bad')"),
+        ("2>&- >&-", "def main(argv): print('x'); raise InputError('bad')"),
+        (">/dev/full", "def main(argv): print('x' * 10_000)"),
+        (">/dev/full", "def main(argv): print('x')"),
+    ],
+)
+def test_a_stream_that_takes_nothing_changes_no_exit_code(redirection, code):
+    program = f"{REFUSING}{code}\nsys.exit(flags.run(main))"
+    command = f'"{sys.executable}" -c "$PROGRAM" {redirection}'
+    environment = {**os.environ, "PROGRAM": program}
+    done = subprocess.run(
+        ["sh", "-c", command], check=False, capture_output=True, env=environment, cwd=ROOT
+    )
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.count(b"\n") <= 1
