@@ -33,8 +33,9 @@ from experiments.demonstration import DemoConfig
 from experiments.network_exam import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
 from kitti.splits import parse_sequences
-from training.command_line import configured, defaults, open_data, train
+from training.command_line import configured, defaults, train
 from training.config import TrackerTrainingConfig
+from training.data import add_data_flags, open_data
 
 DISTANCES = (0.0, 2.0)
 BOXES = {NETWORK: "network boxes", GROUND_TRUTH: "true boxes"}
@@ -77,10 +78,7 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
     """Data, detector, folders, and one flag for each field of the tracker's training."""
     parser = flags.ArgumentParser(description=doc.split("\n", maxsplit=1)[0])
     add = parser.add_argument
-    add("--data_root", action="append", required=True, help="training data; may be repeated")
-    add("--seqs", action="append", help="training sequences (default: 0000-0015), as in training")
-    add("--val_data_root", help="data the rows are evaluated on (default: the first --data_root)")
-    add("--val_seqs", default="0016-0020", help="sequences the rows are evaluated on")
+    add_data_flags(parser)
     add("--detector", type=Path, required=True, help="checkpoint of the frozen detector")
     add("--workdir", type=Path, required=True, help="trainings, weights and recordings go here")
     add("--out", type=Path, required=True, help=f"folder of {table.name}.md and {table.name}.json")
@@ -90,6 +88,9 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
     add("--score_threshold", default=threshold, help="least mean score of a track, or best")
     add_flags(parser, TrackerTrainingConfig())
     args = parser.parse_args(argv)
+    if len(args.val_data_root or []) > 1 or len(args.val_seqs or []) > 1:
+        raise InputError("--val_data_root, --val_seqs: expected one, on which rows are evaluated")
+    args.val_seqs = args.val_seqs or ["0016-0020"]
     args.score_threshold = parse_threshold(args.score_threshold)
     default = getattr(TrackerTrainingConfig().tracker, table.field)
     if vars(args)[f"tracker.{table.field}"] != default:
@@ -105,7 +106,7 @@ def check_settings(table: Ablation, args: argparse.Namespace) -> dict[str, Any]:
     del config["tracker"][table.field]
     settings = {
         "config": config,
-        "data": open_data(args)[2],
+        "data": open_data(args).record(),
         "detector_sha256": hashlib.sha256(args.detector.read_bytes()).hexdigest(),
     }
     path = args.workdir / "settings.json"
@@ -157,8 +158,8 @@ def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
     figures = []
     for distance in DISTANCES:
         config = EvaluateConfig(
-            data_root=Path(args.val_data_root or args.data_root[0]),
-            seqs=tuple(parse_sequences(args.val_seqs)),
+            data_root=Path((args.val_data_root or args.data_root)[0]),
+            seqs=tuple(parse_sequences(args.val_seqs[0])),
             tracker="pointtracknet",
             weights=folder / "weights",
             displacement=distance,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from common.config import add_flags, from_flags
 from common.flags import ArgumentParser
+from training.data import add_data_flags, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
 
@@ -16,21 +17,7 @@ def parser(description: str, config) -> ArgumentParser:
     """Flags of both scripts, and one for each field of the configuration."""
     result = ArgumentParser(description=description)
     add = result.add_argument
-    add(
-        "--data_root",
-        action="append",
-        required=True,
-        metavar="DIR",
-        help="data in KITTI's tracking layout; may be given several times",
-    )
-    add(
-        "--seqs",
-        action="append",
-        metavar="SEQS",
-        help="training sequences, like 0000-0015 or 0001,0003; one for all roots or one each",
-    )
-    add("--val_data_root", metavar="DIR", help="default: the first --data_root")
-    add("--val_seqs", default="0016-0020", metavar="SEQS", help="validation sequences")
+    add_data_flags(result)
     add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
     add("--resume", action="store_true", help="go on where the training in --workdir stopped")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
@@ -60,23 +47,6 @@ def configured(flags, config):
     return config
 
 
-def open_data(flags):
-    """(training sequences, validation sequences, a record of both)."""
-    from kitti.sequence import open_sequences
-    from kitti.splits import parse_sequences
-    from training.frames import open_training_data
-
-    seqs = flags.seqs or ["0000-0015"]
-    training = open_training_data(flags.data_root, seqs)
-    root = flags.val_data_root or flags.data_root[0]
-    validation = open_sequences(root, parse_sequences(flags.val_seqs), "training")
-    record = {
-        "training": [f"{s.data_root}/{s.name}" for s in training],
-        "validation": [f"{s.data_root}/{s.name}" for s in validation],
-    }
-    return training, validation, record
-
-
 def train(flags, make_task, config) -> int:
     """Runs a training as the flags say; returns the exit code (1 if it diverged)."""
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
@@ -87,12 +57,13 @@ def train(flags, make_task, config) -> int:
         prepare_workdir(workdir, flags.resume)
     strategy = make_strategy(flags.strategy)
     seed_everything(config.schedule.seed, flags.deterministic)
-    training, validation, record = open_data(flags)
+    data = open_data(flags)
     run = start(
-        lambda: make_task(config, training, validation),
+        lambda: make_task(config, data.training, data.validation),
         strategy,
         workdir,
-        {**record, "init": flags.init},
+        {**data.record(), "init": flags.init},
+        data.pools,
     )
     if flags.init and not flags.resume:
         with strategy.scope():

@@ -63,9 +63,8 @@ class DetectorTask:
 
     def make(self, index: int, position: int) -> DetectorSample:
         """The sample of an item at a position of the endless order of samples."""
-        epoch = position // len(self.items)
         return make_detector_sample(
-            self.reader, self.items[index], epoch, index, self.config, self.config.augmentation
+            self.reader, self.items[index], position, self.config, self.config.augmentation
         )
 
     def make_validation(self, index: int, _position: int) -> DetectorSample:
@@ -73,7 +72,6 @@ class DetectorTask:
         return make_detector_sample(
             self.validation_reader,
             self.validation_items[index],
-            0,
             index,
             self.config,
             no_augmentation(),

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence as SequenceOf
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from common.errors import InputError
 from kitti.ground import ground_mask
 from kitti.objects import CLASSES
-from kitti.sequence import Sequence, open_sequences
-from kitti.splits import parse_sequences
+from kitti.sequence import Sequence
 
 
 class LabelledFrame(NamedTuple):
@@ -27,22 +23,6 @@ class LabelledFrame(NamedTuple):
     ignored: np.ndarray  # (n,) bool, in the image inside a DontCare region
     other_boxes: np.ndarray  # (K, 7) float64, labelled objects of other classes
     other_ids: np.ndarray  # (K,) int64
-
-
-def open_training_data(roots: SequenceOf[str | Path], seqs: SequenceOf[str]) -> list[Sequence]:
-    """Sequences of several data roots; seqs has one entry a root (or one for all), like 0000-0015.
-
-    Raises:
-        InputError: a root or sequence is missing, or the counts differ.
-    """
-    if len(seqs) == 1:
-        seqs = list(seqs) * len(roots)
-    if len(seqs) != len(roots):
-        raise InputError(f"expected one --seqs for each --data_root, found {len(seqs)}")
-    sequences = []
-    for root, text in zip(roots, seqs, strict=True):
-        sequences += open_sequences(root, parse_sequences(text), "training")
-    return sequences
 
 
 def frame_list(sequences: list[Sequence]) -> list[tuple[int, int]]:

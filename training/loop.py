@@ -20,7 +20,7 @@ from models import checkpoint
 from training.checkpoint_folder import CheckpointFolder
 from training.learning_rate import CyclicalLearningRate
 from training.logs import History, TensorBoard
-from training.pipeline import Order, dataset, micro_batches
+from training.pipeline import Order, dataset, make_order, micro_batches
 from training.task import TrainingTask
 
 
@@ -85,13 +85,16 @@ class TrainingRun:
 
 
 def start(
-    make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict
+    make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict, pools=()
 ) -> TrainingRun:
-    """Builds task and optimiser under the strategy; `data` describes the data for the record."""
+    """Builds task and optimiser under the strategy.
+
+    `data` describes the data for the record; `pools` are those of `training.data`.
+    """
     with strategy.scope():
         task = make_task()
         schedule = task.schedule
-        order = _order(task, strategy.num_replicas_in_sync)
+        order = _order(task, pools, strategy.num_replicas_in_sync)
         optimizer = keras.optimizers.Adam(
             CyclicalLearningRate(
                 schedule.learning_rate_min,
@@ -120,13 +123,13 @@ def start(
     return run
 
 
-def _order(task, replicas: int) -> Order:
-    schedule, count = task.schedule, len(task.items)
-    if not count:
-        raise InputError("the training sequences hold no frame (or adjacent pair) with a scan")
+def _order(task, pools, replicas: int) -> Order:
+    schedule = task.schedule
     if schedule.batch_size % replicas:
         raise InputError(f"batch_size {schedule.batch_size} is no multiple of {replicas} replicas")
-    return Order(count, schedule.frames_per_epoch or count, schedule.batch_size, schedule.seed)
+    return make_order(
+        task.items, pools, schedule.frames_per_epoch, schedule.batch_size, schedule.seed
+    )
 
 
 def prepare_workdir(workdir: Path, resume: bool) -> None:

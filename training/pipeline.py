@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Sequence as SequenceOf
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import tensorflow as tf
 
+from common.errors import InputError
+from training.data import Pool
 
-@dataclass(frozen=True)
+BLOCK = 1000
+"""Consecutive samples in which each pool has its exact share."""
+
+
+@dataclass(frozen=True, eq=False)
 class Order:
     """Which sample every step sees, as a pure function of (seed, step): nothing to save.
 
-    An epoch is `epoch_size` samples; the samples are shuffled afresh whenever all were used.
+    Samples come from pools. In each `BLOCK` of samples every pool has its share, at random places;
+    the samples of a pool are shuffled afresh whenever all of it was used.
+
+    Attributes:
+        pools: index arrays; pool g is drawn from in the share `shares[g]`. Shares add up to 1.
+        epoch_size: samples that are called an epoch.
     """
 
-    num_samples: int
+    pools: tuple[np.ndarray, ...]
+    shares: tuple[float, ...]
     epoch_size: int
     batch_size: int
     seed: int
@@ -28,15 +42,60 @@ class Order:
 
     def batch(self, step: int) -> np.ndarray:
         """Sample indices (batch_size,) of a step, counted from 0 over all epochs."""
-        position = step * self.batch_size + np.arange(self.batch_size)
-        rounds = position // self.num_samples
-        shuffles = {r: self._shuffle(int(r)) for r in np.unique(rounds)}
-        return np.array(
-            [shuffles[r][p] for r, p in zip(rounds, position % self.num_samples, strict=True)]
-        )
+        positions = step * self.batch_size + np.arange(self.batch_size)
+        return np.array([self._sample(int(position)) for position in positions])
 
-    def _shuffle(self, number: int) -> np.ndarray:
-        return np.random.default_rng([self.seed, number]).permutation(self.num_samples)
+    def _sample(self, position: int) -> int:
+        """The sample at a position of the endless order."""
+        block, place = divmod(position, BLOCK)
+        turns, pattern = self._turns, self._pattern(block)
+        pool = pattern[place]
+        number = block * turns[pool] + np.count_nonzero(pattern[:place] == pool)
+        shuffle, row = divmod(int(number), len(self.pools[pool]))
+        return self._shuffle(int(pool), shuffle)[row]
+
+    @cached_property
+    def _turns(self) -> np.ndarray:
+        """(pools,) samples of each pool in a block: the shares, rounded to add up to `BLOCK`."""
+        exact = np.array(self.shares) * BLOCK
+        turns = np.floor(exact).astype(np.int64)
+        turns[np.argsort(turns - exact, kind="stable")[: BLOCK - turns.sum()]] += 1
+        return turns
+
+    def _pattern(self, block: int) -> np.ndarray:
+        """(BLOCK,) the pool at each place of a block."""
+        return _permuted(np.repeat(np.arange(len(self.pools)), self._turns), self.seed, 0, block)
+
+    def _shuffle(self, pool: int, number: int) -> np.ndarray:
+        return _permuted(self.pools[pool], self.seed, 1 + pool, number)
+
+
+def _permuted(values: np.ndarray, *key: int) -> np.ndarray:
+    return np.random.default_rng(key).permutation(values)
+
+
+def make_order(
+    items: SequenceOf[tuple[int, int]],
+    pools: SequenceOf[Pool],
+    epoch_size: int,
+    batch_size: int,
+    seed: int,
+) -> Order:
+    """The order of samples of items (sequence, frame); without pools all are drawn alike.
+
+    Raises:
+        InputError: no items, or a pool without any.
+    """
+    sequence = np.array([item[0] for item in items], np.int64)
+    pools = pools or [Pool(1.0, tuple(np.unique(sequence).tolist()))]
+    rows = tuple(np.flatnonzero(np.isin(sequence, pool.sequences)) for pool in pools)
+    if not all(map(len, rows)):
+        raise InputError(
+            "expected frames (or pairs of adjacent frames) with scans in the training sequences "
+            "of every --data_root that has a --share, and of those without"
+        )
+    shares = tuple(pool.share for pool in pools)
+    return Order(rows, shares, epoch_size or len(items), batch_size, seed)
 
 
 def micro_batches(

@@ -193,34 +193,28 @@ def _displacement_of_points(owner, boxes, ids, other_boxes, other_ids):
     return point_displacement(owner, displacement), foreground.astype(np.int32)
 
 
-def _rng(seed: int, epoch: int, index: int) -> np.random.Generator:
-    return np.random.default_rng([seed, epoch, index])
-
-
 def make_detector_sample(
     reader: FrameReader,
     item: tuple[int, int],
-    epoch: int,
-    index: int,
+    position: int,
     config: DetectorTrainingConfig,
     augmentation: AugmentationConfig,
 ):
-    """DetectorSample of frame `item`; the same for the same (seed, epoch, index)."""
-    rng = _rng(config.schedule.seed, epoch, index)
+    """DetectorSample of frame `item`; the same for the same (seed, position in the order)."""
+    rng = np.random.default_rng([config.schedule.seed, position])
     return detector_sample(reader.read(*item), config, augmentation, rng)
 
 
 def make_pair_sample(
     reader: FrameReader,
     item: tuple[int, int],
-    epoch: int,
-    index: int,
+    position: int,
     config: TrackerTrainingConfig,
     num_points: int,
     augmentation: AugmentationConfig,
 ):
-    """PairSample of frames (t-1, t) with item = (sequence, t); the same for the same seed."""
-    rng = _rng(config.schedule.seed, epoch, index)
+    """PairSample of frames (t-1, t) with item = (sequence, t); see `make_detector_sample`."""
+    rng = np.random.default_rng([config.schedule.seed, position])
     sequence, t = item
     previous, current = reader.read(sequence, t - 1), reader.read(sequence, t)
     return pair_sample(previous, current, num_points, augmentation, rng)

@@ -98,12 +98,10 @@ class TrackerTask:
 
     def make(self, index: int, position: int) -> PairSample:
         """The sample of a pair at a position of the endless order of samples."""
-        epoch = position // len(self.items)
         return make_pair_sample(
             self.reader,
             self.items[index],
-            epoch,
-            index,
+            position,
             self.config,
             self.detector.config.num_points,
             self.config.augmentation,
@@ -114,7 +112,6 @@ class TrackerTask:
         return make_pair_sample(
             self.validation_reader,
             self.validation_items[index],
-            0,
             index,
             self.config,
             self.detector.config.num_points,

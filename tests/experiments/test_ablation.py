@@ -21,14 +21,16 @@ SHORT = ("epochs=1", "frames_per_epoch=2", "batch_size=1", "validation_frames=1"
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):
-    """Sequence 0000 with three frames, and a small detector beside it."""
-    folder = two_cars().write_sequence(tmp_path_factory.mktemp("ablation"), frames=3)
+    """Sequences 0000 and 0001 with three frames each, and a small detector beside them."""
+    folder = tmp_path_factory.mktemp("ablation")
+    for seq in (0, 1):
+        two_cars().write_sequence(folder, seq, frames=3)
     write_weights(folder / "weights")
     return folder
 
 
 def arguments(root, out, *more) -> list[str]:
-    words = ["--data_root", root, "--seqs", "0000", "--val_seqs", "0000"]
+    words = ["--data_root", root, "--seqs", "0000", "--val_seqs", "0001"]
     words += ["--detector", root / "weights" / "detector.npz", "--workdir", out / "work"]
     words += ["--out", out / "tables", "--score_threshold", "0"]
     for pair in SHORT:

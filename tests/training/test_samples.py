@@ -1,4 +1,4 @@
-"""What the networks are taught: targets, augmentation, order of samples."""
+"""What the networks are taught: targets, augmentation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from network_cases import SMALL_DETECTOR
 from two_cars import boxes_at, write_sequence
 
-from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.iou import iou_bev
 from kitti.object_shift import ObjectShift
@@ -17,8 +16,7 @@ from kitti.objects import Objects
 from kitti.sequence import open_sequences
 from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig
-from training.frames import FrameReader, frame_list, open_training_data, pair_list, read_frame
-from training.pipeline import Order, micro_batches
+from training.frames import FrameReader, frame_list, pair_list, read_frame
 from training.samples import detector_sample, no_augmentation, pair_sample, shifted
 
 CLASSES = ("Car", "Van")
@@ -220,35 +218,3 @@ def test_missing_scans_make_no_pair(tmp_path):
 def test_reader_reads_once(tiny_data):
     reader = FrameReader(open_sequences(tiny_data, [0], "training"), CLASSES)
     assert reader.read(0, 1) is reader.read(0, 1)
-
-
-def test_roots_and_sequences_go_together(tiny_data):
-    assert len(open_training_data([tiny_data, tiny_data], ["0000"])) == 2
-    with pytest.raises(InputError, match="one --seqs for each --data_root"):
-        open_training_data([tiny_data], ["0000", "0001"])
-
-
-def test_every_sample_comes_once_in_a_round():
-    order = Order(num_samples=10, epoch_size=10, batch_size=4, seed=1)
-    seen = np.concatenate([order.batch(step) for step in range(5)])
-    np.testing.assert_array_equal(np.sort(seen[:10]), np.arange(10))
-    np.testing.assert_array_equal(np.sort(seen[10:]), np.arange(10))
-    assert not np.array_equal(seen[:10], seen[10:])
-
-
-def test_order_can_start_anywhere():
-    order = Order(7, 7, 3, seed=2)
-    whole = list(micro_batches(order, 0, 6, 0, 1, 1))
-    late = list(micro_batches(order, 4, 6, 0, 1, 1))
-    for (a, b), (c, d) in zip(whole[4:], late, strict=True):
-        np.testing.assert_array_equal(a, c)
-        np.testing.assert_array_equal(b, d)
-
-
-def test_replicas_share_a_batch():
-    order = Order(20, 20, 8, seed=3)
-    whole = [indices for indices, _ in micro_batches(order, 0, 2, 0, 1, 1)]
-    parts = [list(micro_batches(order, 0, 2, worker, 2, 4)) for worker in (0, 1)]
-    for step in range(2):
-        joined = [parts[w][2 * step + r][0] for w in (0, 1) for r in (0, 1)]
-        np.testing.assert_array_equal(np.concatenate(joined), whole[step])

@@ -183,7 +183,7 @@ def test_scripts_train_and_their_weights_load(tiny_data, tmp_path, capsys):
         "--seqs",
         "0000",
         "--val_seqs",
-        "0000",
+        "0001",
         "--smoke",
         "--schedule.batch_size",
         "1",

@@ -1,0 +1,199 @@
+"""Which sequences train and validate: flags of data roots, sequences and sampling shares."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence as SequenceOf
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from common.errors import InputError
+from kitti.sequence import Sequence, open_sequences
+from kitti.splits import parse_sequences
+
+ALL = "all"
+HELD_OUT = "0011"
+"""Validation sequence of the first data root unless others are named; not trained on."""
+TRAINED = "0000-0010,0012-0015"
+"""Default of --seqs: KITTI's training split of the paper without `HELD_OUT`."""
+LEAST_SHARE = 0.001
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Sequences whose samples are drawn with the same frequency.
+
+    Attributes:
+        share: of all samples, in (0, 1].
+        sequences: indices into the training sequences.
+    """
+
+    share: float
+    sequences: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """Sequences to train and validate on, and how often each training pool is drawn from."""
+
+    training: list[Sequence]
+    validation: list[Sequence]
+    pools: list[Pool]
+
+    def record(self) -> dict[str, Any]:
+        """Names and shares for the record of a training."""
+        return {
+            "training": [_name(s) for s in self.training],
+            "validation": [_name(s) for s in self.validation],
+            "shares": [
+                {
+                    "share": pool.share,
+                    "sequences": [_name(self.training[i]) for i in pool.sequences],
+                }
+                for pool in self.pools
+            ],
+        }
+
+
+def _name(sequence: Sequence) -> str:
+    return f"{sequence.data_root}/{sequence.name}"
+
+
+class _ShareOfRoot(argparse.Action):
+    """--share belongs to the --data_root before it; kept as {number of the root: share}."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        root = len(namespace.data_root or []) - 1
+        if root < 0 or root in namespace.share:
+            parser.error("argument --share: expected once after the --data_root that it is of")
+        namespace.share = {**namespace.share, root: values}
+
+
+def _share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not LEAST_SHARE <= value <= 1:
+        raise argparse.ArgumentTypeError(f"expected {LEAST_SHARE} to 1, found {text!r}")
+    return value
+
+
+def add_data_flags(parser: argparse.ArgumentParser) -> None:
+    """Adds --data_root, --seqs, --share, --val_data_root and --val_seqs."""
+    add = parser.add_argument
+    add(
+        "--data_root",
+        action="append",
+        required=True,
+        metavar="DIR",
+        help="data in KITTI's tracking layout; may be given several times",
+    )
+    add(
+        "--seqs",
+        action="append",
+        metavar="SEQS",
+        help="training sequences, like 0000-0015 or 0001,0003, or all: every labelled one that is "
+        f"not validated on; one for all roots or one each (default: {TRAINED})",
+    )
+    add(
+        "--share",
+        action=_ShareOfRoot,
+        type=_share,
+        default={},
+        metavar="SHARE",
+        help="share of the samples that come from the --data_root before it; roots without one "
+        "divide the rest in proportion to their samples",
+    )
+    add(
+        "--val_data_root",
+        action="append",
+        metavar="DIR",
+        help="validation data; may be given several times (default: the first --data_root)",
+    )
+    add(
+        "--val_seqs",
+        action="append",
+        metavar="SEQS",
+        help=f"validation sequences, as --seqs (default: {HELD_OUT}; all of a --val_data_root)",
+    )
+
+
+def open_data(flags: argparse.Namespace) -> TrainingData:
+    """Opens the sequences that the flags of `add_data_flags` name.
+
+    Raises:
+        InputError: a root or sequence is missing, counts of flags differ, shares do not fit, or a
+            sequence is both trained and validated on.
+    """
+    roots = flags.data_root
+    val_roots = flags.val_data_root or roots[:1]
+    val_seqs = flags.val_seqs or [ALL if flags.val_data_root else HELD_OUT]
+    validated = _numbers(val_roots, val_seqs, "--val_seqs", "--val_data_root")
+    held_out = {(Path(r).resolve(), seq) for r, seqs in validated for seq in seqs}
+    trained = _numbers(roots, flags.seqs or [TRAINED], "--seqs", "--data_root", held_out)
+    for root, seqs in trained:
+        both = [seq for seq in seqs if (Path(root).resolve(), seq) in held_out]
+        if both:
+            raise InputError(
+                f"sequence {both[0]:04d}: expected either in --seqs or in --val_seqs", root
+            )
+    counts = [len(seqs) for _, seqs in trained]
+    return TrainingData(
+        [sequence for root, seqs in trained for sequence in open_sequences(root, seqs)],
+        [sequence for root, seqs in validated for sequence in open_sequences(root, seqs)],
+        _pools(counts, flags.share),
+    )
+
+
+def _numbers(
+    roots: SequenceOf[str],
+    seqs: SequenceOf[str],
+    seqs_flag: str,
+    root_flag: str,
+    held_out: frozenset[tuple[Path, int]] | set[tuple[Path, int]] = frozenset(),
+) -> list[tuple[str, list[int]]]:
+    """(root, sequence numbers) of each root; `held_out` is what "all" leaves out."""
+    if len(seqs) == 1:
+        seqs = list(seqs) * len(roots)
+    if len(seqs) != len(roots):
+        raise InputError(
+            f"{seqs_flag}: expected one, or one for each {root_flag}, found {len(seqs)}"
+        )
+    return [
+        (
+            root,
+            parse_sequences(text)
+            if text != ALL
+            else [s for s in labelled_sequences(root) if (Path(root).resolve(), s) not in held_out],
+        )
+        for root, text in zip(roots, seqs, strict=True)
+    ]
+
+
+def labelled_sequences(data_root: str | Path) -> list[int]:
+    """Numbers of all sequences of data_root/training that have a label file; InputError if none."""
+    folder = Path(data_root) / "training" / "label_02"
+    names = sorted(path.stem for path in folder.glob("[0-9][0-9][0-9][0-9].txt"))
+    if not names:
+        raise InputError("expected label files such as 0000.txt", folder)
+    return [int(name) for name in names]
+
+
+def _pools(counts: SequenceOf[int], shares: dict[int, float]) -> list[Pool]:
+    """Pools of roots with `counts` sequences: one a root with a share, one of all the others."""
+    first = [sum(counts[:root]) for root in range(len(counts))]
+    of_root = [tuple(range(a, a + n)) for a, n in zip(first, counts, strict=True)]
+    others = sum((of_root[root] for root in range(len(counts)) if root not in shares), ())
+    rest = 1.0 - sum(shares.values())
+    if rest < -1e-9:
+        raise InputError(f"--share: expected shares of at most 1 together, found {1 - rest:g}")
+    if others and rest < LEAST_SHARE:
+        raise InputError("--share: the shares given leave nothing for the roots without one")
+    if not others and rest > 1e-9:
+        raise InputError(
+            f"--share: expected 1 together where each root has one, found {1 - rest:g}"
+        )
+    pools = [Pool(share, of_root[root]) for root, share in sorted(shares.items())]
+    return [Pool(rest, others), *pools] if others else pools
