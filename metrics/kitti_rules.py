@@ -1,11 +1,13 @@
-"""Evaluation rules of the KITTI benchmark for cars: evaluated classes and ignored boxes."""
+"""Evaluation rules of the KITTI benchmark: evaluated classes and ignored boxes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.labels import Objects
 from metrics.comparison import rows_by_frame
 from metrics.image_boxes import EPS, covered
@@ -13,10 +15,10 @@ from metrics.image_boxes import EPS, covered
 
 @dataclass(frozen=True)
 class KittiRules:
-    """The benchmark's constants for class car (devkit, evaluate_tracking.py)."""
+    """The benchmark's constants for one class (devkit, evaluate_tracking.py)."""
 
     evaluated: str = "Car"
-    neighbour: str = "Van"
+    neighbours: tuple[str, ...] = ("Van",)
     max_truncation: int = 0
     max_occlusion: int = 2
     min_height: float = 25.0  # pixels; an unmatched result of this height or less is ignored
@@ -26,18 +28,48 @@ class KittiRules:
 
 
 RULES = KittiRules()
+RULES_OF = {
+    "Car": RULES,
+    "Pedestrian": KittiRules("Pedestrian", ("Person", "Person_sitting")),
+    "Cyclist": KittiRules("Cyclist", ()),
+}
+"""By evaluated class; the neighbours are classes that are easily taken for it."""
+CLASSES_OF = {
+    "kitti2d": ("Car", "Pedestrian"),
+    "hota": ("Car", "Pedestrian"),
+    "kitti3d": ("Car", "Pedestrian", "Cyclist"),
+}
+"""By protocol the classes that it evaluates: TrackEval's for KITTI, and AB3DMOT's."""
+
+
+def rules_for(protocol: str, classes: Sequence[str]) -> KittiRules:
+    """The rules of a protocol for `classes`: one evaluated class, with neighbours of it or not.
+
+    Raises:
+        InputError: the protocol is not defined for these classes.
+    """
+    known = CLASSES_OF[protocol]
+    evaluated = [name for name in known if name in classes]
+    if len(evaluated) == 1:
+        rules = RULES_OF[evaluated[0]]
+        if set(classes) <= {rules.evaluated, *rules.neighbours}:
+            return rules
+    raise InputError(
+        f"--classes: {protocol} evaluates one class of {', '.join(known)} at a time (with its "
+        f"neighbours such as Van), found {','.join(classes)}"
+    )
 
 
 def evaluated_classes(objects: Objects, rules: KittiRules = RULES) -> Objects:
-    """Rows of the evaluated class and its neighbour that carry an id."""
-    rows = objects.of_classes((rules.evaluated, rules.neighbour))
+    """Rows of the evaluated class and its neighbours that carry an id."""
+    rows = objects.of_classes((rules.evaluated, *rules.neighbours))
     return rows[rows.track_id >= 0]
 
 
 def ignored_truth(truth: Objects, rules: KittiRules = RULES) -> np.ndarray:
-    """(R,) bool: truncated, heavily occluded, or of the neighbouring class."""
+    """(R,) bool: truncated, heavily occluded, or of a neighbouring class."""
     return (
-        (truth.type == rules.neighbour)
+        np.isin(truth.type, rules.neighbours)
         | (truth.occlusion.astype(int) > rules.max_occlusion)
         | (truth.truncation.astype(int) > rules.max_truncation)
     )
@@ -54,7 +86,7 @@ def ignorable_results(
         num_frames: frames of the sequence.
     """
     height = results.bbox[:, 3] - results.bbox[:, 1]
-    ignorable = (height <= rules.min_height) | (results.type == rules.neighbour)
+    ignorable = (height <= rules.min_height) | np.isin(results.type, rules.neighbours)
     frames = zip(
         rows_by_frame(results.frame, num_frames),
         rows_by_frame(dontcare.frame, num_frames),

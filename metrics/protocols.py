@@ -15,7 +15,14 @@ from metrics.hota import hota
 from metrics.image_boxes import iou_2d
 from metrics.kitti2d import clean, kitti2d
 from metrics.kitti3d import kitti3d
-from metrics.kitti_rules import RULES, evaluated_classes, ignorable_results, ignored_truth
+from metrics.kitti_rules import (
+    RULES,
+    KittiRules,
+    evaluated_classes,
+    ignorable_results,
+    ignored_truth,
+    rules_for,
+)
 from metrics.recall_sweep import sweep
 
 PROTOCOLS = ("clear3d", "kitti2d", "kitti3d", "hota")
@@ -56,9 +63,19 @@ class Clear3d:
 class KittiProtocol:
     """Base of the protocols with KITTI's ignore rules."""
 
-    def __init__(self, entries: Sequence[Entry], space: str, vans_may_match: bool):
-        """Args: `space` "2d" or "3d" (of the IoU); `vans_may_match` keeps results of class Van."""
-        self.cases = [_kitti_case(entry, space, vans_may_match) for entry in entries]
+    def __init__(
+        self, entries: Sequence[Entry], space: str, neighbours_may_match: bool, rules: KittiRules
+    ):
+        """Prepares every sequence.
+
+        Args:
+            entries: the sequences.
+            space: "2d" or "3d", of the IoU.
+            neighbours_may_match: keeps results of a neighbouring class, such as Van.
+            rules: of the evaluated class.
+        """
+        self.rules = rules
+        self.cases = [_kitti_case(entry, space, neighbours_may_match, rules) for entry in entries]
 
     def clean(self, threshold: float | None) -> dict[str, list]:
         """Frames of each sequence after the ignore rules, for `hota`."""
@@ -71,13 +88,13 @@ class KittiProtocol:
 class Kitti2d(KittiProtocol):
     """`kitti2d` over sequences, on image boxes unless `space` is "3d"."""
 
-    def __init__(self, entries: Sequence[Entry], space: str = "2d"):
-        super().__init__(entries, space, vans_may_match=False)
+    def __init__(self, entries: Sequence[Entry], space: str = "2d", rules: KittiRules = RULES):
+        super().__init__(entries, space, False, rules)
 
     def outcomes(self, threshold: float | None, _earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
         return [
-            kitti2d(c, c.above(threshold), ignored, ignorable)
+            kitti2d(c, c.above(threshold), ignored, ignorable, self.rules)
             for c, ignored, ignorable in self.cases
         ]
 
@@ -85,14 +102,27 @@ class Kitti2d(KittiProtocol):
 class Kitti3d(KittiProtocol):
     """`kitti3d` over sequences; with `space` "2d" AB3DMOT's 2-D evaluation."""
 
-    def __init__(self, entries: Sequence[Entry], min_iou: float, space: str = "3d"):
-        super().__init__(entries, space, vans_may_match=True)
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        min_iou: float,
+        space: str = "3d",
+        rules: KittiRules = RULES,
+    ):
+        super().__init__(entries, space, True, rules)
         self.min_iou = min_iou
 
     def outcomes(self, threshold: float | None, earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence; the threshold is applied as AB3DMOT's evaluator does."""
         return [
-            kitti3d(c, c.above(threshold, earlier_passes), ignored, ignorable, min_iou=self.min_iou)
+            kitti3d(
+                c,
+                c.above(threshold, earlier_passes),
+                ignored,
+                ignorable,
+                min_iou=self.min_iou,
+                rules=self.rules,
+            )
             for c, ignored, ignorable in self.cases
         ]
 
@@ -107,37 +137,60 @@ def evaluate_protocol(
 ) -> dict[str, Any]:
     """Metrics of one protocol: `{"overall": {...}, "sequences": {"0016": {...}, ...}}`.
 
+    Raises:
+        InputError: the protocol is not defined for `classes`.
+
     Args:
         name: one of `PROTOCOLS`.
         entries: the sequences.
-        classes: those that `clear3d` evaluates; the KITTI protocols have their own class rules.
+        classes: those that `clear3d` evaluates; of the KITTI protocols one class with neighbours,
+            see `kitti_rules.rules_for`.
         min_iou: for `clear3d` and `kitti3d`; fixed in the 2-D protocol and in HOTA.
         threshold: smallest mean score of a track; "best" for the one with the best overall MOTA
             among the recall points; None keeps all.
     """
     if name == "clear3d":
         return metrics_of(Clear3d(entries, classes, min_iou), entries, threshold)
+    if name not in PROTOCOLS:
+        raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
+    rules = rules_for(name, classes)
     if name == "kitti2d":
-        return metrics_of(Kitti2d(entries), entries, threshold)
+        return metrics_of(Kitti2d(entries, rules=rules), entries, threshold)
     if name == "kitti3d":
-        return metrics_of(Kitti3d(entries, min_iou), entries, threshold, over_recall=True)
-    if name == "hota":
-        return _hota_metrics(entries, threshold)
-    raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
+        protocol = Kitti3d(entries, min_iou, rules=rules)
+        return metrics_of(protocol, entries, threshold, over_recall=True)
+    return _hota_metrics(entries, threshold, rules)
 
 
-def _kitti_case(entry: Entry, space: str, vans_may_match: bool):
-    truth = evaluated_classes(entry.truth)
-    results = evaluated_classes(entry.results)
-    if not vans_may_match:
-        results = results.of_classes((RULES.evaluated,))
+def best_threshold(
+    name: str, entries: Sequence[Entry], classes: Sequence[str], min_iou: float
+) -> float | None:
+    """The score threshold of the best MOTA of a protocol (of hota: of `kitti2d`); None: keep all.
+
+    Raises:
+        InputError: as `evaluate_protocol`.
+    """
+    if name == "clear3d":
+        protocol = Clear3d(entries, classes, min_iou)
+    elif name == "kitti3d":
+        protocol = Kitti3d(entries, min_iou, rules=rules_for(name, classes))
+    else:
+        protocol = Kitti2d(entries, rules=rules_for(name, classes))
+    return sweep(protocol.outcomes).best_threshold
+
+
+def _kitti_case(entry: Entry, space: str, neighbours_may_match: bool, rules: KittiRules):
+    truth = evaluated_classes(entry.truth, rules)
+    results = evaluated_classes(entry.results, rules)
+    if not neighbours_may_match:
+        results = results.of_classes((rules.evaluated,))
     similarity, field = (iou_2d, "bbox") if space == "2d" else (iou_3d, "boxes")
     comparison: Comparison = compare(
         entry.name, entry.num_frames, truth, results, similarity, field=field
     )
     dontcare = entry.truth.of_classes(("DontCare",))
-    ignorable = ignorable_results(results, dontcare, entry.num_frames)
-    return comparison, ignored_truth(truth), ignorable
+    ignorable = ignorable_results(results, dontcare, entry.num_frames, rules)
+    return comparison, ignored_truth(truth, rules), ignorable
 
 
 def metrics_of(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
@@ -160,11 +213,13 @@ def metrics_of(protocol, entries, threshold, over_recall: bool = False) -> dict[
     }
 
 
-def _hota_metrics(entries: Sequence[Entry], threshold: float | str | None) -> dict[str, Any]:
+def _hota_metrics(
+    entries: Sequence[Entry], threshold: float | str | None, rules: KittiRules
+) -> dict[str, Any]:
     """HOTA on image boxes, and on 3-D IoU under names that end in _3D."""
     metrics: dict[str, Any] = {"overall": {}, "sequences": {entry.name: {} for entry in entries}}
     for space, suffix in (("2d", ""), ("3d", "_3D")):
-        protocol = Kitti2d(entries, space)
+        protocol = Kitti2d(entries, space, rules)
         at = sweep(protocol.outcomes).best_threshold if threshold == BEST else threshold
         part = hota(protocol.clean(at))
         metrics["overall"] |= _suffixed(part["overall"], suffix)

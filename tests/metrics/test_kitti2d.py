@@ -3,12 +3,14 @@
 import contextlib
 import io
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from metric_cases import random_entry, rows
 
+from common.errors import InputError
 from kitti.labels import Objects, read_labels, read_results, write_labels, write_results
 from metrics.protocols import Entry, evaluate_protocol
 
@@ -39,8 +41,8 @@ def write(folder: Path, entries: list[Entry]) -> list[Entry]:
     return read
 
 
-def trackeval_says(folder: Path) -> dict:
-    """{sequence or "all": {metric: fields}} of trackeval's Kitti2DBox for class car."""
+def trackeval_says(folder: Path, kind: str = "car") -> dict:
+    """{sequence or "all": {metric: fields}} of trackeval's Kitti2DBox for one class."""
     import trackeval
 
     with contextlib.redirect_stdout(io.StringIO()):
@@ -49,7 +51,7 @@ def trackeval_says(folder: Path) -> dict:
                 "GT_FOLDER": str(folder / "gt"),
                 "TRACKERS_FOLDER": str(folder / "trackers"),
                 "TRACKERS_TO_EVAL": ["ours"],
-                "CLASSES_TO_EVAL": ["car"],
+                "CLASSES_TO_EVAL": [kind],
                 "PRINT_CONFIG": False,
             }
         )
@@ -63,17 +65,19 @@ def trackeval_says(folder: Path) -> dict:
             parts = {}
             for name in data.seq_list:
                 raw = data.get_raw_seq_data("ours", name)
-                parts[name] = measure.eval_sequence(data.get_preprocessed_seq_data(raw, "car"))
+                parts[name] = measure.eval_sequence(data.get_preprocessed_seq_data(raw, kind))
             for name, fields in {**parts, "all": measure.combine_sequences(parts)}.items():
                 out.setdefault(name, {})[measure.get_name()] = fields
     return out
 
 
-def check(folder: Path, entries: list[Entry]) -> dict:
+def check(folder: Path, entries: list[Entry], kind: str = "Car") -> dict:
     """Asserts equality in every sequence and in all; returns the project's overall figures."""
     entries = write(folder, entries)
-    expected = trackeval_says(folder)
-    clear, hota = (evaluate_protocol(name, entries) for name in ("kitti2d", "hota"))
+    expected = trackeval_says(folder, kind.lower())
+    clear, hota = (
+        evaluate_protocol(name, entries, classes=(kind,)) for name in ("kitti2d", "hota")
+    )
     for name, figures in {**clear["sequences"], "all": clear["overall"]}.items():
         says = expected[name]["CLEAR"]
         for ours, theirs in FIELDS.items():
@@ -102,6 +106,37 @@ def test_equals_trackeval_on_careless_trackers(tmp_path):
     overall = check(tmp_path, entries)
     for key in ("TP", "FP", "FN", "IDS", "FRAG"):
         assert overall[key] > 5, key  # every kind of event is there
+
+
+def as_people(objects: Objects) -> Objects:
+    """The same rows with cars as pedestrians, vans as sitting persons, and the other way round."""
+    names = {"Car": "Pedestrian", "Van": "Person", "Pedestrian": "Car", "DontCare": "DontCare"}
+    return replace(objects, type=np.array([names[name] for name in objects.type.tolist()], "<U16"))
+
+
+def test_pedestrians_equal_trackeval(tmp_path):
+    cars = [random_entry(seed, objects=6, name=f"{seed:04d}") for seed in range(4)]
+    people = [replace(e, truth=as_people(e.truth), results=as_people(e.results)) for e in cars]
+    overall = check(tmp_path, people, "Pedestrian")
+    as_cars = evaluate_protocol("kitti2d", cars)["overall"]
+    assert {key: overall[key] for key in FIELDS} == {key: as_cars[key] for key in FIELDS}
+    assert overall["TP"] > 5
+
+
+@pytest.mark.parametrize(
+    ("name", "classes"),
+    [
+        ("kitti2d", ("Cyclist",)),
+        ("hota", ("Cyclist",)),
+        ("kitti3d", ("Tram",)),
+        ("kitti3d", ("Van",)),
+        ("kitti3d", ("Car", "Pedestrian")),
+        ("kitti2d", ("Pedestrian", "Van")),
+    ],
+)
+def test_classes_that_a_protocol_is_not_defined_for(name, classes):
+    with pytest.raises(InputError, match=f"--classes: {name} evaluates one class of Car, Ped"):
+        evaluate_protocol(name, [random_entry(0)], classes=classes)
 
 
 def test_equals_trackeval_with_empty_sequences(tmp_path):
@@ -157,8 +192,6 @@ def test_equals_trackeval_on_real_labels(tmp_path, kitti_root):
 
 def linked(path: Path) -> Objects:
     """Detections with ids of the nearest detection of the frame before, where within 2 m."""
-    from dataclasses import replace
-
     from kitti.detections import read_detections
 
     detections = read_detections(path)
