@@ -1,0 +1,201 @@
+"""From per-point predictions to M boxes with scores: non-maximum suppression with box voting.
+
+Letters: P proposals (boxes of single points), K clusters of proposals, NC classes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from models.box_coding import decode_boxes
+from models.config import BoxCodingConfig, note
+from models.probability_filter import foreground_probability
+from tf_ops import box_iou_3d
+
+
+@dataclass(frozen=True)
+class DecodingConfig:
+    """How boxes are made from points.
+
+    Chosen on simulated scans of sequence 0011, which is held out of training:
+    docs/tables/decoding_parameters.md (studies/decoding_parameters.py).
+    """
+
+    min_probability: float = note(0.4, "foreground probability of a point that proposes a box")
+    cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
+    proposals_per_cell: int = note(40, "the most probable ones of each cell stay")
+    max_proposals: int = note(600, "of a frame")
+    nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
+    vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
+    doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
+    min_score: float = note(0.3, "of a box that is kept")
+    max_boxes: int = note(64, "M")
+
+
+class Detections(NamedTuple):
+    """The boxes of one frame, best first."""
+
+    boxes: np.ndarray  # (M, 7) float32 level frame
+    scores: np.ndarray  # (M,) float32 in [0, 1]
+    classes: np.ndarray  # (M,) int32
+
+
+class Proposals(NamedTuple):
+    """The boxes of the points of one frame that may be foreground."""
+
+    boxes: tf.Tensor  # (P, 7) float32 level frame
+    probability: tf.Tensor  # (P,) float32, foreground
+    classes: tf.Tensor  # (P, NC) float32, probabilities
+    features: tf.Tensor | None = None  # (P, C) float32, FC1 of the detector
+    quality: tf.Tensor | None = None  # (P,) float32, predicted IoU of the box in [0, 1]
+
+
+class Clusters(NamedTuple):
+    """Proposals of one frame grouped into K boxes, most supported first; no score is final yet."""
+
+    boxes: np.ndarray  # (K, 7) float32 level frame: the mean of the votes
+    agreement: np.ndarray  # (K,) float32 in [0, 1]: see `cluster`
+    classes: np.ndarray  # (K, NC) float32: mean class probabilities of the votes
+    iou: np.ndarray  # (K, P) float32: IoU of the best supported proposal with every proposal
+    members: np.ndarray  # (K, P) bool: the proposals that the cluster takes away from others
+    votes: np.ndarray  # (K, P) float32: weight of each proposal in the mean, 0 without a vote
+    proposals: Proposals  # of P rows, as NumPy arrays, after thinning
+
+
+def propose(
+    query_xyz, predictions, box: BoxCodingConfig, min_probability: float, fc1=None, quality=None
+) -> Proposals:
+    """(Q, ...) predictions at query_xyz (Q, 3), one frame -> Proposals; few boxes are decoded.
+
+    fc1 (Q, C) and quality (Q,) come along where they are given.
+    """
+    probability = foreground_probability(predictions.mask_logits)
+    rows = tf.where(probability >= min_probability)[:, 0]
+    xyz, likely = tf.nest.map_structure(lambda x: tf.gather(x, rows), (query_xyz, predictions))
+    boxes = decode_boxes(*tf.nest.map_structure(lambda x: x[tf.newaxis], (xyz, likely)), box)[0]
+    return Proposals(
+        boxes,
+        tf.gather(probability, rows),
+        tf.nn.softmax(likely.class_scores),
+        None if fc1 is None else tf.gather(fc1, rows),
+        None if quality is None else tf.gather(quality, rows),
+    )
+
+
+def decode_detections(
+    query_xyz, predictions, box: BoxCodingConfig, config: DecodingConfig
+) -> list[Detections]:
+    """(B, Q, ...) predictions at query_xyz (B, Q, 3) -> Detections of each of the B frames.
+
+    Scored by agreement.
+    """
+    found = []
+    for b in range(len(query_xyz)):
+        xyz, frame = tf.nest.map_structure(
+            lambda x, b=b: tf.convert_to_tensor(x[b]), (query_xyz, predictions)
+        )
+        clusters = cluster(propose(xyz, frame, box, config.min_probability), config)
+        found.append(best_first(clusters, clusters.agreement, config.min_score))
+    return found
+
+
+def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
+    """Greedy suppression by support; each kept box is the mean of those that vote for it.
+
+    The support of a proposal is the sum of foreground probability * IoU over the proposals that
+    overlap it by `vote_iou`, times their quality where there is one. The agreement of a cluster is
+    the mean of the same over its members and `doubt` more that give nothing, so boxes on which many
+    points agree come first.
+    """
+    thinned = _thin(Proposals(*(None if x is None else np.asarray(x) for x in proposals)), config)
+    boxes, weight = thinned.boxes, thinned.probability
+    if not len(boxes):
+        none = np.zeros((0, 0), np.float32)
+        return Clusters(boxes, weight, thinned.classes, none, none.astype(bool), none, thinned)
+    if thinned.quality is not None:
+        weight = weight * thinned.quality
+    iou = box_iou_3d(boxes, boxes).numpy()
+    votes = np.where(iou >= config.vote_iou, iou, 0.0) * weight
+    kept, owner = _suppress(iou, votes.sum(-1), config)
+    members = owner == np.arange(len(kept))[:, None]
+    votes = votes[kept] * members
+    own = np.arange(len(kept)), kept
+    votes[own] = np.maximum(votes[own], 1e-6)
+    total = votes.sum(-1)
+    share = votes / total[:, None]
+    agreement = total / (np.count_nonzero(iou[kept] * members > config.nms_iou, -1) + config.doubt)
+    voted = _vote(boxes, share, kept)
+    return Clusters(
+        voted,
+        agreement.astype(np.float32),
+        share @ thinned.classes,
+        iou[kept],
+        members,
+        votes,
+        thinned,
+    )
+
+
+def best_first(clusters: Clusters, scores: np.ndarray, min_score: float) -> Detections:
+    """The boxes of the clusters whose score (K,) is at least min_score, best first."""
+    order = np.argsort(-scores, kind="stable")
+    order = order[scores[order] >= min_score]
+    return Detections(
+        clusters.boxes[order],
+        scores[order].astype(np.float32),
+        clusters.classes.argmax(-1)[order].astype(np.int32),
+    )
+
+
+def _thin(proposals: Proposals, config: DecodingConfig) -> Proposals:
+    """Keeps the most probable proposals of every cell, at most max_proposals in all."""
+    rows = np.flatnonzero(np.all(np.isfinite(proposals.boxes), -1))
+    rows = rows[np.argsort(-proposals.probability[rows], kind="stable")]
+    cells = np.floor(proposals.boxes[rows, :2] / config.cell).astype(np.int64)
+    rank = _rank_in_group(cells[:, 0] * 1_000_003 + cells[:, 1])
+    order = np.argsort(rank, kind="stable")  # every cell's most probable first
+    rows = rows[order[rank[order] < config.proposals_per_cell]][: config.max_proposals]
+    return Proposals(*(None if x is None else x[rows] for x in proposals))
+
+
+def _rank_in_group(keys: np.ndarray) -> np.ndarray:
+    """How many earlier entries of keys (n,) are equal, for each: (n,) int64."""
+    order = np.argsort(keys, kind="stable")
+    first = np.searchsorted(keys[order], keys[order], side="left")
+    rank = np.empty(len(keys), np.int64)
+    rank[order] = np.arange(len(keys)) - first
+    return rank
+
+
+def _suppress(iou: np.ndarray, support: np.ndarray, config: DecodingConfig):
+    """Rows (K,) of the kept proposals, most supported first, and the cluster of each proposal.
+
+    iou (P, P), support (P,) -> (K,) int64, (P,) int64; -1 where no cluster takes the proposal.
+    """
+    owner, kept = np.full(len(support), -1), []
+    for best in np.argsort(-support, kind="stable"):
+        if len(kept) == config.max_boxes:
+            break
+        if owner[best] < 0:
+            owner[(owner < 0) & (iou[best] > config.nms_iou)] = len(kept)
+            owner[best] = len(kept)
+            kept.append(best)
+    return np.array(kept, np.int64), owner
+
+
+def _vote(boxes: np.ndarray, share: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Weighted mean boxes (K, 7) float32; headings opposite to the majority count turned round.
+
+    boxes (P, 7), share (K, P) of rows that sum to 1, kept (K,) rows of the best supported boxes.
+    """
+    mean = share @ boxes[:, :6]
+    ahead = np.cos(boxes[:, 6] - boxes[kept, 6, None]) >= 0
+    forward = (share * ahead).sum(-1, keepdims=True) >= 0.5
+    sign = np.where(ahead == forward, share, -share)
+    yaw = np.arctan2(sign @ np.sin(boxes[:, 6]), sign @ np.cos(boxes[:, 6]))
+    yaw = np.where(yaw < np.pi, yaw, -np.pi)
+    return np.concatenate([mean, yaw[:, None]], -1).astype(np.float32)
