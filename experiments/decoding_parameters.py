@@ -1,4 +1,4 @@
-"""How the decoding of per-point predictions into boxes was chosen (models/detections.py).
+"""How the decoding of per-point predictions into boxes was chosen (models/box_decoding.py).
 
     python -m experiments.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
 
@@ -28,7 +28,7 @@ from kitti.object_shift import ObjectShift
 from kitti.scans import sample_points
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
-from models.detections import DecodingConfig, decode_detections
+from models.box_decoding import DecodingConfig, decode_detections
 from models.detector import BoxPredictions, detector_inputs
 from models.probability_filter import foreground_probability
 from models.weights import load_detector

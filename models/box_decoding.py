@@ -67,22 +67,23 @@ class Clusters(NamedTuple):
 
 
 def propose(
-    query_xyz, predictions, box: BoxCodingConfig, min_probability: float, fc1=None, quality=None
+    query_xyz, predictions, box: BoxCodingConfig, min_probability: float, fc1=None
 ) -> Proposals:
     """(Q, ...) predictions at query_xyz (Q, 3), one frame -> Proposals; few boxes are decoded.
 
-    fc1 (Q, C) and quality (Q,) come along where they are given.
+    The features fc1 (Q, C) are gathered where they are given.
     """
     probability = foreground_probability(predictions.mask_logits)
     rows = tf.where(probability >= min_probability)[:, 0]
     xyz, likely = tf.nest.map_structure(lambda x: tf.gather(x, rows), (query_xyz, predictions))
     boxes = decode_boxes(*tf.nest.map_structure(lambda x: x[tf.newaxis], (xyz, likely)), box)[0]
+    quality = likely.quality_logits
     return Proposals(
         boxes,
         tf.gather(probability, rows),
         tf.nn.softmax(likely.class_scores),
         None if fc1 is None else tf.gather(fc1, rows),
-        None if quality is None else tf.gather(quality, rows),
+        tf.sigmoid(quality[:, 0]) if quality.shape[-1] else None,
     )
 
 
@@ -106,31 +107,29 @@ def decode_detections(
 def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
     """Greedy suppression by support; each kept box is the mean of those that vote for it.
 
-    The support of a proposal is the sum of foreground probability * IoU over the proposals that
-    overlap it by `vote_iou`, times their quality where there is one. The agreement of a cluster is
-    the mean of the same over its members and `doubt` more that give nothing, so boxes on which many
+    A proposal votes for those that it overlaps by `vote_iou`, with its foreground probability * IoU
+    * quality, where there is one; their sum is the support. The agreement of a cluster is the mean
+    of probability * IoU over its members and `doubt` more that give nothing, so boxes on which many
     points agree come first.
     """
     thinned = _thin(Proposals(*(None if x is None else np.asarray(x) for x in proposals)), config)
-    boxes, weight = thinned.boxes, thinned.probability
+    boxes = thinned.boxes
     if not len(boxes):
         none = np.zeros((0, 0), np.float32)
-        return Clusters(boxes, weight, thinned.classes, none, none.astype(bool), none, thinned)
-    if thinned.quality is not None:
-        weight = weight * thinned.quality
+        nothing = (boxes, thinned.probability, thinned.classes)
+        return Clusters(*nothing, none, none.astype(bool), none, thinned)
     iou = box_iou_3d(boxes, boxes).numpy()
-    votes = np.where(iou >= config.vote_iou, iou, 0.0) * weight
+    overlap = np.where(iou >= config.vote_iou, iou, 0.0) * thinned.probability
+    votes = overlap if thinned.quality is None else overlap * thinned.quality
     kept, owner = _suppress(iou, votes.sum(-1), config)
     members = owner == np.arange(len(kept))[:, None]
     votes = votes[kept] * members
     own = np.arange(len(kept)), kept
     votes[own] = np.maximum(votes[own], 1e-6)
-    total = votes.sum(-1)
-    share = votes / total[:, None]
-    agreement = total / (np.count_nonzero(iou[kept] * members > config.nms_iou, -1) + config.doubt)
-    voted = _vote(boxes, share, kept)
+    share = votes / votes.sum(-1, keepdims=True)
+    agreement = (overlap[kept] * members).sum(-1) / (members.sum(-1) + config.doubt)
     return Clusters(
-        voted,
+        _vote(boxes, share, kept),
         agreement.astype(np.float32),
         share @ thinned.classes,
         iou[kept],

@@ -8,7 +8,7 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.scans import sample_points
-from models.detections import DecodingConfig, Detections, propose, select
+from models.box_decoding import DecodingConfig, Detections, best_first, cluster, propose
 from models.detector import Detector, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
@@ -87,11 +87,12 @@ class StreamingNetwork:
             return _nothing()
         xyz = self.sample(points, t)
         proposals, probability, frame, kept, encoded = self._detect(xyz)
+        clusters = cluster(proposals, self.decoding)
         return FrameState(
             frame.xyz.numpy()[0],
             kept.numpy()[0],
             frame.features.numpy()[0],
-            select(proposals, self.decoding),
+            best_first(clusters, clusters.agreement, self.decoding.min_score),
             probability.numpy()[0],
             xyz[0],
             encoded,

@@ -16,7 +16,7 @@ from kitti.labels import read_results
 from kitti.point_arrays import as_points
 from kitti.scans import write_scan
 from kitti.standard_mounting import standard_mounting
-from models.detections import Detections
+from models.box_decoding import Detections
 from pointtracknet import Tracker
 
 SPEED = np.array([5.0, 0.0, 0.0])  # metres per frame: more than a car's length

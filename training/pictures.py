@@ -6,7 +6,7 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.boxes import box_corners
-from models.detections import decode_detections
+from models.box_decoding import decode_detections
 from models.probability_filter import foreground_probability
 
 

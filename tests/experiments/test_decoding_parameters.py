@@ -8,7 +8,7 @@ from small_inputs import two_cars
 from small_weights import write_weights
 
 from experiments import decoding_parameters as module
-from models.detections import DecodingConfig, Detections
+from models.box_decoding import DecodingConfig, Detections
 
 CAR = np.array([10.0, 0, 0, 4, 2, 1.5, 0])
 

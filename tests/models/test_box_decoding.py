@@ -8,8 +8,17 @@ import tensorflow as tf
 from test_box_coding import predictions_of
 
 from models.box_coding import encode_boxes
+from models.box_decoding import (
+    DecodingConfig,
+    Proposals,
+    _rank_in_group,
+    _thin,
+    _vote,
+    cluster,
+    decode_detections,
+)
 from models.config import BoxCodingConfig
-from models.detections import DecodingConfig, _rank_in_group, _vote, decode_detections
+from tf_ops import box_iou_3d
 
 CONFIG = BoxCodingConfig()
 BOXES = np.array([[10, 0, 0, 3.9, 1.6, 1.5, 0.3], [20, 5, 0, 4.9, 1.9, 2.2, -2.0]])
@@ -84,8 +93,78 @@ def test_vote_counts_headings_turned_round():
     boxes = np.array(
         [[0, 0, 0, 4, 2, 1.5, 0.1], [0, 0, 0, 4, 2, 1.5, 0.2], [0, 0, 0, 4, 2, 1.5, 0.15 - np.pi]]
     )
-    assert _vote(boxes, np.ones(3), best=2)[6] == pytest.approx(0.15, abs=1e-6)
+    voted = _vote(boxes, np.full((1, 3), 1 / 3), np.array([2]))
+    assert voted[0, 6] == pytest.approx(0.15, abs=1e-6)
 
 
 def test_rank_in_group():
     np.testing.assert_array_equal(_rank_in_group(np.array([5, 3, 5, 5, 3])), [0, 0, 1, 2, 1])
+
+
+def proposals_at_random(count=300, objects=12, quality=False, seed=0):
+    """Boxes scattered around a few objects, some of them far off."""
+    rng = np.random.default_rng(seed)
+    centers = rng.uniform((5, -15, -1, 3.5, 1.5, 1.4, -3), (50, 15, 0, 5, 2, 2, 3), (objects, 7))
+    boxes = centers[rng.integers(0, objects, count)]
+    boxes = boxes + rng.normal(0, 1, boxes.shape) * (0.5, 0.5, 0.2, 0.3, 0.1, 0.1, 0.2)
+    classes = rng.dirichlet((1, 1), count)
+    values = (boxes, rng.uniform(0.4, 1, count), classes, rng.normal(0, 1, (count, 5)))
+    likely = rng.uniform(0.2, 1, count).astype("f4") if quality else None
+    return Proposals(*(x.astype("f4") for x in values), likely)
+
+
+def clusters_one_by_one(proposals, config):
+    """Reference: boxes and agreements of the clusters, taken one after the other."""
+    boxes = proposals.boxes
+    iou = box_iou_3d(boxes, boxes).numpy()
+    overlap = np.where(iou >= config.vote_iou, iou, 0.0) * proposals.probability
+    votes = overlap if proposals.quality is None else overlap * proposals.quality
+    support, alive, found = votes.sum(-1), np.ones(len(boxes), bool), []
+    while alive.any() and len(found) < config.max_boxes:
+        best = int(np.argmax(np.where(alive, support, -1.0)))
+        weights, members = votes[best] * alive, alive & (iou[best] > config.nms_iou)
+        share = weights / weights.sum()
+        turn = np.cos(boxes[:, 6] - boxes[best, 6])
+        forward = share[turn >= 0].sum() >= 0.5
+        yaw = boxes[:, 6] + np.where((turn >= 0) == forward, 0.0, np.pi)
+        yaw = np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw))
+        agreement = overlap[best][members].sum() / (np.count_nonzero(members) + config.doubt)
+        found.append([*(share @ boxes[:, :6]), yaw, agreement])
+        alive &= ~members
+    return np.array(found)
+
+
+@pytest.mark.parametrize("quality", [False, True])
+@pytest.mark.parametrize("max_boxes", [3, 64])
+def test_clusters_equal_those_found_one_by_one(quality, max_boxes):
+    config = DecodingConfig(max_boxes=max_boxes)
+    proposals = proposals_at_random(quality=quality)
+    expected = clusters_one_by_one(_thin(proposals, config), config)
+    found = cluster(proposals, config)
+    np.testing.assert_allclose(found.boxes, expected[:, :7], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found.agreement, expected[:, 7], rtol=1e-4)
+
+
+def test_every_proposal_votes_in_one_cluster_at_most():
+    config = DecodingConfig()
+    found = cluster(proposals_at_random(), config)
+    assert found.members.sum(0).max() == 1
+    np.testing.assert_array_equal(found.votes > 0, found.members & (found.iou >= config.vote_iou))
+    np.testing.assert_allclose(found.classes.sum(-1), 1, rtol=1e-5)
+
+
+def test_quality_moves_the_box_to_the_better_proposals():
+    """Two equally likely boxes, 0.4 m apart: the mean lies nearer to the better one."""
+    boxes = np.float32([[10, 0, 0, 4, 2, 1.5, 0], [10.4, 0, 0, 4, 2, 1.5, 0]])
+    likely, classes = np.float32([0.9, 0.9]), np.float32([[1, 0], [1, 0]])
+    quality = np.float32([0.9, 0.3])
+    plain = cluster(Proposals(boxes, likely, classes), DecodingConfig())
+    weighed = cluster(Proposals(boxes, likely, classes, None, quality), DecodingConfig())
+    assert abs(weighed.boxes[0, 0] - 10) < abs(plain.boxes[0, 0] - 10)
+    assert weighed.agreement[0] == plain.agreement[0]
+
+
+def test_no_proposals_give_no_cluster():
+    none = Proposals(np.zeros((0, 7), "f4"), np.zeros(0, "f4"), np.zeros((0, 2), "f4"))
+    found = cluster(none, DecodingConfig())
+    assert (found.boxes.shape, found.agreement.shape) == ((0, 7), (0,))

@@ -10,7 +10,7 @@ from kitti.iou import iou_3d
 from kitti.labels import Objects
 from kitti.sequence import open_sequences
 from metrics.protocols import Entry, evaluate_protocol
-from models.detections import decode_detections
+from models.box_decoding import decode_detections
 from models.detector import Detector
 from tracking import TrueDisplacement
 from tracking.association_to_trajectory import AssociationToTrajectory
