@@ -1,32 +1,16 @@
-"""Figures as Markdown tables, for people; metrics.json is for machines."""
+"""Metrics as Markdown tables for readers; metrics.json is their machine-readable form."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+from common.markdown import cell, markdown
+
+__all__ = ["cell", "full_table", "markdown", "overall_table"]
 
 COUNTS = ("IDS", "FRAG", "TP", "FP", "FN", "GT")
 CLEAR_COLUMNS = ("MOTA", "MOTP", "MT", "ML", *COUNTS)
-
-
-def cell(value: Any) -> str:
-    """Ratios with four decimals, counts as they are, a dash for what is undefined."""
-    if value is None:
-        return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table with aligned columns, ready for Markdown and for the terminal."""
-    table = [list(header), *([cell(value) for value in row] for row in rows)]
-    widths = [max(3, *(len(row[i]) for row in table)) for i in range(len(header))]
-    table.insert(1, ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])])
-    return "".join("| " + " | ".join(_padded(row, widths)) + " |\n" for row in table)
-
-
-def _padded(row: list[str], widths: list[int]) -> list[str]:
-    first, *others = zip(row, widths, strict=True)
-    return [first[0].ljust(first[1]), *(text.rjust(width) for text, width in others)]
 
 
 def overall_table(figures: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from common.files import write_json
 from common.flags import ArgumentParser, non_negative_int, positive_int, run
+from common.markdown import markdown
 from common.progress import progress
 from common.provenance import provenance
 from kitti.sequence import Sequence
@@ -57,13 +58,18 @@ def simulate(sequence: Sequence, world: Replay, frame: int, seed: int) -> np.nda
 
 
 def table(rows: dict[str, float | int | None]) -> str:
-    """The figures as a Markdown table with the goals."""
-    lines = ["| figure | value | goal |", "|---|---|---|"]
-    for name, value in rows.items():
-        shown = "-" if value is None else f"{value}" if isinstance(value, int) else f"{value:.3f}"
-        goal = "{} to {}".format(*GOALS[name]) if name in GOALS else ""
-        lines.append(f"| {name} | {shown} | {goal} |")
-    return "\n".join(lines)
+    """The measures as a Markdown table with the goals."""
+    return markdown(
+        ("measure", "value", "goal"),
+        [
+            (
+                name,
+                f"{value:.3f}" if isinstance(value, float) else value,
+                "{} to {}".format(*GOALS[name]) if name in GOALS else "",
+            )
+            for name, value in rows.items()
+        ],
+    )
 
 
 def draw(path: Path, sequence: Sequence, pairs: list[tuple[int, np.ndarray, np.ndarray]]) -> None:
@@ -126,7 +132,7 @@ def main(argv: Seq[str] | None = None) -> int:
                 for f in flags.pictures
             ]
     rows = summarise(figures)
-    print(table(rows))
+    print(table(rows), end="")
     missed = [k for k, (a, b) in GOALS.items() if rows[k] is None or not a <= rows[k] <= b]
     print("goals missed: " + (", ".join(missed) or "none"), file=sys.stderr)
     record = provenance(figures=rows, goals=GOALS, missed=missed, seeds=flags.seeds)

@@ -6,8 +6,6 @@ import re
 
 from common.errors import InputError
 
-TRAIN = tuple(range(16))
-"""Training sequences 0000-0015 of the labelled 21."""
 VAL = tuple(range(16, 21))
 """Validation sequences 0016-0020 of the labelled 21."""
 TEST = tuple(range(29))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from kitti.image_boxes import EPS
 from metrics.comparison import Comparison
 from metrics.counts import Counts, Outcome
-from metrics.image_boxes import EPS
 from metrics.kitti_rules import RULES, KittiRules
 
 MIN_SIMILARITY = 0.5  # the server's, for matching and for the ignore rules

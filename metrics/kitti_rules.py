@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.errors import InputError
+from kitti.image_boxes import EPS, covered
 from kitti.labels import Objects
 from metrics.comparison import rows_by_frame
-from metrics.image_boxes import EPS, covered
 
 
 @dataclass(frozen=True)

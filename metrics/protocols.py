@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from kitti.image_boxes import iou_2d
 from kitti.iou import iou_3d
 from kitti.labels import Objects
 from metrics.clear3d import clear3d
 from metrics.comparison import Comparison, compare
 from metrics.counts import Outcome, total
 from metrics.hota import hota
-from metrics.image_boxes import iou_2d
 from metrics.kitti2d import clean, kitti2d
 from metrics.kitti3d import kitti3d
 from metrics.kitti_rules import (

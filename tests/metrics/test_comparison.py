@@ -3,8 +3,8 @@
 import numpy as np
 from metric_cases import random_entry, rows
 
+from kitti.image_boxes import covered, iou_2d
 from metrics.comparison import compare, rows_by_frame, track_scores
-from metrics.image_boxes import covered, iou_2d
 
 
 def test_rows_by_frame_keeps_order_and_gives_empty_frames():

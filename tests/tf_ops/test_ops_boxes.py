@@ -1,4 +1,4 @@
-"""box_iou_3d and nms_3d against shapely, NumPy and hand-made cases."""
+"""box_iou_3d against shapely and hand-made cases."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import shapely
 import tensorflow as tf
 
-from tf_ops import box_iou_3d, nms_3d
+from tf_ops import box_iou_3d
 
 InvalidArgument = tf.errors.InvalidArgumentError
 
@@ -29,8 +29,8 @@ def corners(boxes: np.ndarray) -> np.ndarray:
     return np.stack([centre + a * along + b * across for a, b in signs], 1)
 
 
-def reference_iou(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """3-D and bird's-eye-view IoU by shapely."""
+def reference_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """3-D IoU by shapely."""
     p, q = shapely.polygons(corners(a))[:, None], shapely.polygons(corners(b))[None]
     shared = shapely.area(shapely.intersection(p, q))
     areas = shapely.area(p), shapely.area(q)
@@ -38,13 +38,13 @@ def reference_iou(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     tall = np.minimum.outer(high[0], high[1]) - np.maximum.outer(low[0], low[1])
     volume = shared * np.maximum(tall, 0)
     volumes = areas[0] * a[:, None, 5], areas[1] * b[None, :, 5]
-    return volume / (sum(volumes) - volume), shared / (sum(areas) - shared)
+    return volume / (sum(volumes) - volume)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_iou_matches_shapely(seed):
     a, b = random_boxes(70, seed), random_boxes(60, seed + 10)
-    expected, _ = reference_iou(a, b)
+    expected = reference_iou(a, b)
     assert 0.2 < (expected > 0).mean() < 0.9
     np.testing.assert_allclose(box_iou_3d(a, b), expected, atol=2e-6)
 
@@ -74,28 +74,10 @@ def test_boxes_in_batches():
     np.testing.assert_array_equal(batched, alone)
 
 
-def reference_nms(boxes, scores, threshold, most):
-    iou, kept = reference_iou(boxes, boxes)[1], []
-    for i in np.argsort(-scores, kind="stable"):
-        if all(iou[i, k] <= threshold for k in kept):
-            kept.append(i)
-    return kept[:most]
-
-
-@pytest.mark.parametrize("threshold", [0.0, 0.1, 0.5, 1.0])
-@pytest.mark.parametrize("most", [1, 5, 1000])
-def test_nms_matches_numpy(threshold, most):
-    boxes = random_boxes(80)
-    scores = np.random.default_rng(1).integers(0, 30, 80).astype(np.float32)
-    kept = nms_3d(boxes, scores, threshold, most).numpy().tolist()
-    assert kept == reference_nms(boxes, scores, threshold, most)
-
-
 def test_empty():
     none, some = np.zeros((0, 7), np.float32), random_boxes(3)
     assert box_iou_3d(none, some).shape == (0, 3)
     assert box_iou_3d(some, none).shape == (3, 0)
-    assert nms_3d(none, np.zeros(0), 0.5, 3).shape == (0,)
     assert box_iou_3d(np.zeros((0, 2, 7)), np.zeros((0, 3, 7))).shape == (0, 2, 3)
 
 
@@ -109,7 +91,7 @@ def test_slivers_and_copies():
     iou = box_iou_3d(boxes, boxes).numpy()
     assert np.isfinite(iou).all() and iou.min() >= 0 and iou.max() <= 1
     np.testing.assert_allclose(iou, iou.T, atol=1e-5)
-    expected, _ = reference_iou(boxes[::4], boxes[2::4])
+    expected = reference_iou(boxes[::4], boxes[2::4])
     np.testing.assert_allclose(box_iou_3d(boxes[::4], boxes[2::4]), expected, atol=2e-6)
 
 
@@ -120,12 +102,9 @@ def test_not_finite(bad):
     for call in (
         lambda: box_iou_3d(boxes, broken),
         lambda: box_iou_3d(broken, boxes),
-        lambda: nms_3d(broken, np.zeros(3), 0.5, 3),
     ):
         with pytest.raises(InvalidArgument, match=r"\[1, 6\] is -?(nan|inf)"):
             call()
-    with pytest.raises(InvalidArgument, match=r"scores\[1\] is -?(nan|inf)"):
-        nms_3d(boxes, np.array([1, bad, 0], np.float32), 0.5, 3)
 
 
 def test_other_errors():
@@ -135,7 +114,3 @@ def test_other_errors():
         box_iou_3d(negative, boxes)
     with pytest.raises(InvalidArgument, match=r"\(M, 7\) or \(B, M, 7\), received \[3,6\]"):
         box_iou_3d(boxes, boxes[:, :6])
-    with pytest.raises(InvalidArgument, match=r"scores \(M\), received \[3,7\] and \[2\]"):
-        nms_3d(boxes, np.zeros(2), 0.5, 3)
-    with pytest.raises(InvalidArgument, match=r"iou_threshold must be in \[0, 1\]"):
-        nms_3d(boxes, np.zeros(3), 1.5, 3)

@@ -33,11 +33,10 @@ def pyramid(xyz: tf.Tensor) -> dict[str, tf.Tensor]:
     moved = features(xyz, chosen, ball, three, three2)
     boxes = tf.concat([sampled, tf.abs(sampled), sampled[..., :1]], -1)
     iou = tf_ops.box_iou_3d(boxes, boxes)
-    kept = tf_ops.nms_3d(boxes[0], boxes[0, :, 0], 0.2, 20)
     names = "chosen sampled ball count few2 few many2 many three2 three"
     values = [chosen, sampled, ball, count, few2, few, many2, many, three2, three]
     found = dict(zip(names.split(), values, strict=True))
-    return found | moved | {"iou": iou, "kept": kept}
+    return found | moved | {"iou": iou}
 
 
 def features(xyz, chosen, ball, three, weight) -> dict[str, tf.Tensor]:
@@ -75,7 +74,7 @@ def test_graph_with_unknown_batch_and_size():
     assert shapes["few"] == shapes["few2"] == [None, None, 8]
     assert shapes["three"] == shapes["dense"] == [None, None, 3]
     assert shapes["grouped"] == [None, SAMPLES, 8, 3]
-    assert shapes["iou"] == [None, SAMPLES, SAMPLES] and shapes["kept"] == [None]
+    assert shapes["iou"] == [None, SAMPLES, SAMPLES]
     assert shapes["rows"] == shapes["pooled"] == [None, 3]
     assert shapes["d_xyz"] == [None, None, 3]
     assert_same(traced(xyz), pyramid(xyz))

@@ -1,8 +1,8 @@
-"""Measures the ops, and puts the tables into tf_ops/README.md.
+"""Benchmark of the ops, and the tables of tf_ops/README.md.
 
-table: against the best CPU library, bench.json. growth: over the size of the cloud, growth.json and
-growth.png. native: the portable build against that for this machine, native.json. readme: measures
-nothing, writes the tables of the JSON files in tf_ops/docs into the README.
+table: against the fastest CPU library, bench.json. growth: over the size of the cloud, growth.json
+and growth.png. native: the portable build against the one for this machine, native.json. readme:
+writes the tables of the JSON files in tf_ops/docs into the README, without a measurement.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from common.provenance import ROOT, provenance
 from tf_ops.bench import tables
 
 THREADS = 2
-WHAT = ("table", "growth", "native", "readme", "serve")  # serve: one build's process of `native`
+MODES = ("table", "growth", "native", "readme", "serve")  # serve: the process of a build
 PEERS = ("fpsample", "pykdtree", "pynanoflann", "shapely", "scipy")
 
 
 def parse(argv: Sequence[str] | None):
     parser = ArgumentParser(description=__doc__, prog="tf_ops.bench")
-    parser.add_argument("what", choices=WHAT, help="what to measure")
+    parser.add_argument("mode", choices=MODES, help="benchmark to run")
     parser.add_argument(
         "--kitti_root",
         type=Path,
@@ -39,20 +39,20 @@ def parse(argv: Sequence[str] | None):
         help="KITTI tracking data; without it scans are synthesised",
     )
     parser.add_argument("--out", type=Path, default=ROOT / "tf_ops/docs", help="output folder")
-    parser.add_argument("--calls", type=positive_int, default=21, help="timed calls of each")
+    parser.add_argument("--calls", type=positive_int, default=21, help="timed calls per case")
     parser.add_argument(
         "--group",
         choices=("all", "one", "batch", "large", "other"),
         default="all",
-        help="measure these rows of the table, keep the others of its file",
+        help="rows to measure; the file's other rows are kept",
     )
     parser.add_argument("--name", default="bench", help="name of the table's JSON file")
-    parser.add_argument("--ours_only", action="store_true", help="leave the peers out")
+    parser.add_argument("--ours_only", action="store_true", help="without the peers")
     return parser.parse_args(argv)
 
 
 def machine() -> str:
-    """The processor's name where the system tells it."""
+    """The processor's name, if the system gives it."""
     info = Path("/proc/cpuinfo")
     names = [
         line.partition(":")[2].strip()
@@ -64,7 +64,7 @@ def machine() -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     args = parse(argv)
-    if args.what == "readme":
+    if args.mode == "readme":
         return tables.write()
     missing = [name for name in PEERS if importlib.util.find_spec(name) is None]
     if missing:
@@ -77,14 +77,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     tf.config.threading.set_intra_op_parallelism_threads(THREADS)
     from tf_ops.bench import builds, growth
 
-    if args.what == "serve":
+    if args.mode == "serve":
         return builds.serve(args.kitti_root)
     record = moment(args)
-    if args.what == "table":
+    if args.mode == "table":
         report = {"rows": table(args), "provenance": record}
         write_json(args.out / f"{args.name}.json", report)
         print(tables.peers_table(report))
-    elif args.what == "native":
+    elif args.mode == "native":
         report = {"rows": builds.measure(args.calls, args.kitti_root), "provenance": record}
         write_json(args.out / "native.json", report)
         print(tables.builds_table(report))
@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def moment(args: argparse.Namespace) -> dict[str, Any]:
-    """What the figures depend on."""
+    """Provenance of the measurement."""
     from tf_ops.bench import scans
 
     return provenance(
@@ -109,7 +109,7 @@ def moment(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def table(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """The rows of the table against the peers; of groups not measured now, those of the file."""
+    """Rows against the peers; groups that are not measured keep the rows of the file."""
     from tf_ops.bench import cases, timing
 
     chosen = [

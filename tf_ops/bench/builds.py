@@ -1,7 +1,7 @@
-"""The portable build against the one for this machine, in two processes that take turns.
+"""The portable build against the one for this machine, in two alternating processes.
 
-One process cannot hold both, since each registers the same ops. A process of each build waits for
-the number of a case, calls it once, and answers with the time; so a busy moment hits both alike.
+Both register the same ops and cannot be loaded into one process. The process of each build reads
+the number of a case, calls it once and prints the time, so that load of the machine affects both.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WARM_UP = 3
 
 
 def serve(kitti_root: Path) -> None:
-    """The process of one build: names of the cases, then a time in seconds for each number."""
+    """Prints the names of the cases, then a time in seconds for each number read."""
     from tf_ops.bench import cases, timing
 
     chosen = [case for name in cases.GROUPS for case in cases.group(name, kitti_root)]

@@ -1,4 +1,4 @@
-"""The rows of the table: what is measured, against whom, and the goal."""
+"""The cases of the benchmark: ops, peers and goals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Call = Callable[[], object]
 
 @dataclass(frozen=True)
 class Case:
-    """One row: calls that do the same work, and the largest ratio of times that is the goal."""
+    """One row: calls that do the same work, and the goal, the largest ratio of their times."""
 
     name: str
     batch: int
@@ -41,7 +41,7 @@ def knn_peers(k: int, clouds: np.ndarray, queries: np.ndarray) -> dict[str, Call
 
 
 def cloud_cases(kitti_root: Path, batch: int) -> Iterator[Case]:
-    """Ops on coordinates. A batch is the same cloud, turned about the vertical."""
+    """Ops on coordinates. A batch holds copies of one cloud, rotated about the vertical."""
     xyz = turned(scans.scan(kitti_root, 15000)[0], batch)
     points = tf.constant(xyz)
     sampled = tf_ops.gather_point(points, tf_ops.farthest_point_sample(2048, points))

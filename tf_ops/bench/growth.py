@@ -1,4 +1,4 @@
-"""How the cost grows with the size of the cloud: N from 1,000 to 1,000,000, ours and peers."""
+"""Time over the size of the cloud, N from 1,000 to 1,000,000, for the ops and their peers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Curve = Callable[[np.ndarray], Callable[[], object]]
 
 
 def curves() -> dict[str, dict[str, Curve]]:
-    """Panel -> name -> function of a cloud that makes the call to be timed."""
+    """Panel -> name -> function from a cloud to the call to be timed."""
 
     def ours(op):
         def make(xyz):
@@ -61,14 +61,14 @@ def curves() -> dict[str, dict[str, Curve]]:
 
 
 def repeated(call: Callable[[], object]) -> float:
-    """Median time in ms of the calls the budget allows; a first one counts only if alone."""
+    """Median time in ms of the calls within the budget; the first counts only if alone."""
     first = seconds(call)
     calls = int(np.clip(BUDGET_S / max(first, 1e-6), 0, 21))
     return 1e3 * float(np.median([seconds(call) for _ in range(calls)] or [first]))
 
 
 def curve(make: Curve, clouds: list[np.ndarray]) -> list[float]:
-    """Times in ms for the clouds from the smallest on, as far as the limit allows."""
+    """Times in ms for the clouds in order of size, up to the limit."""
     times: list[float] = []
     for xyz in clouds:
         if times and min(times[-2:]) > LIMIT_MS:  # two in a row: not a passing stall

@@ -1,4 +1,4 @@
-"""The peers, each told to use two threads, over a batch of clouds one after the other."""
+"""The peers with two threads each, over a batch of clouds in sequence."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Clouds = np.ndarray  # (B, N, 3) float32
 
 
 def fps(height: int) -> Callable[[Clouds, int], list]:
-    """fpsample's fastest sampler, cloud after cloud; it uses one thread."""
+    """fpsample's fastest sampler over clouds in sequence, with one thread."""
     return lambda clouds, npoint: [_sample(xyz, npoint, height) for xyz in clouds]
 
 
 def fps_pooled(height: int) -> Callable[[Clouds, int], list]:
-    """As `fps`, the clouds shared among two threads."""
+    """As `fps`, with the clouds divided among two threads."""
     return lambda clouds, npoint: list(POOL.map(lambda xyz: _sample(xyz, npoint, height), clouds))
 
 
@@ -73,7 +73,7 @@ def corners(boxes: np.ndarray) -> np.ndarray:
 
 
 def iou_shapely(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """3-D IoU of all pairs, vectorised, the rows shared among the threads."""
+    """3-D IoU of all pairs, vectorised, with the rows divided among the threads."""
     p, q = shapely.polygons(corners(a)), shapely.polygons(corners(b))
 
     def shared_area(rows):

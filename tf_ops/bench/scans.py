@@ -1,4 +1,4 @@
-"""The clouds that are measured: a real scan where there is one, and synthesised ones."""
+"""Clouds of the benchmark: a real scan if available, and synthesised ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def synthesised_scan(size: int, seed: int = 0) -> np.ndarray:
 
 
 def scan(kitti_root: Path, size: int) -> tuple[np.ndarray, str]:
-    """(size, 3) float32 points and a description of where they are from."""
+    """(size, 3) float32 points and a description of their source."""
     path = kitti_root / REAL
     if not path.is_file():
         return synthesised_scan(size), f"{size} points of a synthesised scan"

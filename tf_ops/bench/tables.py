@@ -1,4 +1,4 @@
-"""The tables of tf_ops/README.md, made from the JSON files that the benchmark has written."""
+"""The tables of tf_ops/README.md, made from the JSON files of the benchmark."""
 
 from __future__ import annotations
 
@@ -8,50 +8,49 @@ from pathlib import Path
 from typing import Any
 
 from common.files import write_text
+from common.markdown import markdown
 
 FOLDER = Path(__file__).resolve().parent.parent
 DOCS = FOLDER / "docs"
 README = FOLDER / "README.md"
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
+BUILD_KEYS = ("portable_ms", "native_ms", "ratio")
+
 Report = dict[str, Any]  # {"rows": [...], "provenance": {...}}
 
 
 def peers_table(report: Report) -> str:
-    """Ours against the best peer, a row for each case."""
-    lines = ["| op | batch | ours, ms | best peer | its ms | ratio | goal |"]
-    lines.append("|---|---|---|---|---|---|---|")
-    for row in report["rows"]:
-        peer = "| - | - | - |"
-        if "peer" in row:
-            peer = f"| {row['peer']} | {row['peer_ms']:.2f} | {row['ratio']:.2f} |"
-        lines.append(
-            f"| {row['case']} | {row['batch']} | {row['ours_ms']:.2f} {peer} {row['goal']} |"
-        )
-    return "\n".join([*lines, "", moment(report)])
+    """The ops against the fastest peer, a row for each case."""
+    header = ("op", "batch", "tf_ops, ms", "fastest peer", "its ms", "ratio", "goal")
+    rows = [
+        [
+            *(row["case"], row["batch"], f"{row['ours_ms']:.2f}", row.get("peer")),
+            *(f"{row[key]:.2f}" if key in row else None for key in ("peer_ms", "ratio")),
+            str(row["goal"]),
+        ]
+        for row in report["rows"]
+    ]
+    return f"{markdown(header, rows)}\n{moment(report)}"
 
 
 def builds_table(report: Report) -> str:
     """The portable build against the one for this machine, a row for each case."""
-    lines = [
-        "| op | batch | portable, ms | native, ms | native / portable |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {row['case']} | {row['batch']} | {row['portable_ms']:.2f} | {row['native_ms']:.2f} "
-        f"| {row['ratio']:.2f} |"
+    header = ("op", "batch", "portable, ms", "native, ms", "native / portable")
+    rows = [
+        [row["case"], row["batch"], *(f"{row[key]:.2f}" for key in BUILD_KEYS)]
         for row in report["rows"]
     ]
-    return "\n".join([*lines, "", moment(report)])
+    return f"{markdown(header, rows)}\n{moment(report)}"
 
 
 def moment(report: Report) -> str:
-    """When, where and how the figures were taken."""
+    """Time, machine and method of the measurement."""
     p = report["provenance"]
     times = sorted(row.get("time", p["time_utc"]) for row in report["rows"])
     return (
-        f"{p['processor']}, {p['threads']} threads each, medians of {p['calls']} calls that take "
-        f"turns,\neach right after an untimed one; {p['scan']};\n{times[0]} to {times[-1]}, "
+        f"{p['processor']}, {p['threads']} threads each, medians of {p['calls']} alternating "
+        f"calls,\neach after an untimed one; {p['scan']};\n{times[0]} to {times[-1]}, "
         f"commit {str(p['git_commit'])[:7]}."
     )
 
@@ -70,5 +69,5 @@ def filled(text: str, docs: Path = DOCS) -> str:
 
 
 def write() -> None:
-    """Brings README.md up to date."""
+    """Updates README.md."""
     write_text(README, filled(README.read_text(encoding="utf-8")))

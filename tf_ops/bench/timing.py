@@ -1,7 +1,7 @@
-"""Medians of calls that take turns, so that a busy moment of the machine hits both alike.
+"""Medians of alternating calls, so that load of the machine affects both sides.
 
-A timed call comes right after an untimed one of the same side: else each would pay for threads that
-the other side has put to sleep or left spinning, and for its caches.
+Each timed call follows an untimed one of the same side; otherwise it would include the cost of the
+other side's sleeping or spinning threads and of cold caches.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from tf_ops.bench.cases import Case
 
 WARM_UP = 2
-LONG_S = 1.0  # a peer is probed twice, unless its first call takes longer
+LONG_S = 1.0  # a peer is called a second time unless the first call takes longer
 
 
 def seconds(call: Callable[[], object]) -> float:
@@ -32,7 +32,7 @@ def seconds_when_warm(call: Callable[[], object]) -> float:
 
 
 def in_turns(timers: Sequence[Callable[[], float]], calls: int) -> np.ndarray:
-    """(calls, timers) results; every other round runs backwards, so that none is always first."""
+    """(calls, timers) results; every other round is reversed, so that no timer is always first."""
     rounds = []
     for i in range(calls):
         order = range(len(timers)) if i % 2 == 0 else reversed(range(len(timers)))
@@ -42,7 +42,7 @@ def in_turns(timers: Sequence[Callable[[], float]], calls: int) -> np.ndarray:
 
 
 def probe(peer: Callable[[], object]) -> float:
-    """Seconds of a call, to choose the best peer by."""
+    """Seconds of a call, for the choice of the fastest peer."""
     first = seconds(peer)
     return first if first > LONG_S else min(first, seconds(peer))
 

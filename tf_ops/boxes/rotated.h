@@ -110,22 +110,4 @@ inline double iou_3d(const RotatedBox& p, const RotatedBox& q) {
   return over_union(shared_area(p, q) * (top - bottom), p.volume(), q.volume());
 }
 
-// Greedy suppression: takes boxes by falling score, ties by index, and drops those whose BEV IoU
-// with one already taken is above the threshold.
-inline std::vector<int32_t> suppress(const std::vector<RotatedBox>& boxes, const float* scores,
-                                     double iou_threshold, int64_t max_output) {
-  std::vector<int32_t> order(boxes.size()), kept;
-  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int32_t>(i);
-  std::stable_sort(order.begin(), order.end(),
-                   [scores](int32_t a, int32_t b) { return scores[a] > scores[b]; });
-  for (const int32_t candidate : order) {
-    if (static_cast<int64_t>(kept.size()) >= max_output) break;
-    const bool free = std::none_of(kept.begin(), kept.end(), [&](int32_t k) {
-      return iou_bev(boxes[k], boxes[candidate]) > iou_threshold;
-    });
-    if (free) kept.push_back(candidate);
-  }
-  return kept;
-}
-
 }  // namespace ptn

@@ -1,4 +1,4 @@
-// An array at a cache line's boundary, whose elements are left uninitialised.
+// An array aligned to a cache line, with uninitialised elements.
 #pragma once
 
 #include "core/isa.h"

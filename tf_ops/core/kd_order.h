@@ -1,5 +1,5 @@
-// Points as four arrays, and putting a range of them into k-d order: halved at the median of its
-// longest side, again and again, down to the leaves.
+// Points as four arrays, and the division of a range of them at a median of its longest side, the
+// step of a k-d order.
 #pragma once
 
 #include "core/aligned.h"
@@ -14,7 +14,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 inline int64_t divide_up(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
-// Room for points in blocks of sixteen; unused places lie at infinity and have index kNoPoint.
+// Points in blocks of sixteen; unused places lie at infinity and have index kNoPoint.
 struct PointArrays {
   int64_t blocks;
   AlignedArray<float> axis[3];
@@ -67,7 +67,7 @@ inline Bounds bounds_of(const PointArrays& points, int64_t begin, int64_t end) {
   return bounds;
 }
 
-// How many of the values are at most `limit`; `values` fill whole blocks.
+// The number of values that are at most `limit`; `values` fill whole blocks.
 inline int64_t count_up_to(const float* values, int64_t blocks, float limit) {
   int64_t count = 0;
   const F16 limits = all(limit);

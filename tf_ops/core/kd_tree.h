@@ -1,5 +1,5 @@
 // A balanced k-d tree, sixteen children wide: blocks of sixteen points at the bottom, groups of
-// sixteen bounding boxes above. One comparison of a whole group decides which children matter.
+// sixteen bounding boxes above. One comparison of a whole group selects the relevant children.
 //
 // Bounds are exact in float32. A point's squared distance and the distance to a box that holds it
 // are computed with the same operations; rounding is monotonic, so the box's is never the larger.
@@ -71,7 +71,7 @@ class KdTree {
   const Group& group(int level, int64_t g) const { return levels_[level][static_cast<size_t>(g)]; }
   int64_t groups(int level) const { return static_cast<int64_t>(levels_[level].size()); }
 
-  // Which places of a group hold a node.
+  // The places of a group that hold a node.
   Mask used(int level, int64_t g) const {
     const int64_t rest = nodes_[level] - g * kWidth;
     return rest >= kWidth ? 0xFFFFU : (1U << rest) - 1U;
@@ -82,7 +82,7 @@ class KdTree {
     int64_t begin, end;
   };
 
-  // Halves ranges until there are enough for all threads, then finishes each one.
+  // Halves ranges until there are enough for all threads, then builds each to its leaves.
   void arrange(const Parallel& parallel) {
     PointArrays scratch(points_.blocks * kWidth);
     std::vector<Range> ranges = {{0, leaves_}};

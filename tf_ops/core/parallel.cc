@@ -10,8 +10,8 @@ namespace ptn {
 
 namespace {
 
-// Ranges of one call of Parallel::run. A helper that wakes up late finds nothing left to do, and
-// touches nothing but this object, which it owns with the others.
+// Ranges of one call of Parallel::run. A helper that starts late finds no range left and touches
+// only this object, whose ownership all helpers share.
 class Ranges {
  public:
   Ranges(int64_t total, int64_t size, const Body& body)
@@ -36,7 +36,7 @@ class Ranges {
 
  private:
   const int64_t total_, size_;
-  const Body* const body_;  // lives until the caller has waited
+  const Body* const body_;  // valid until the caller has waited
   std::atomic<int64_t> next_{0}, done_{0};
   std::mutex mutex_;
   std::condition_variable all_done_;

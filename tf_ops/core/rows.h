@@ -1,5 +1,5 @@
-// Moving rows of features: gather, and its transpose, the scattered sum. Knows nothing of
-// TensorFlow; T is any type that converts to and from float.
+// Gather of feature rows and its transpose, the scattered sum; independent of TensorFlow. T is any
+// type that converts to and from float.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct RowSizes {
 template <class T>
 void gather_rows(const T* source, const int32_t* index, RowSizes s, T* out,
                  const Parallel& parallel) {
-  constexpr int64_t kAhead = 8;  // rows; the index knows long before which will be needed
+  constexpr int64_t kAhead = 8;  // rows to prefetch, known from the index
   const size_t bytes = static_cast<size_t>(s.channels) * sizeof(T);
   if (bytes == 0) return;
   const int64_t cost = 4 + static_cast<int64_t>(bytes) / 8;
@@ -46,7 +46,7 @@ inline void add_row(const T* __restrict value, float weight, int64_t channels,
 
 // out[b, r] = sum of weight[b, e] * value[b, e / fan] over the entries e with index[b, e] = r, in
 // ascending order of e and in float32, whatever T and the number of threads. No `weight`: all 1.
-// Each thread owns a range of the sums, so none waits for another.
+// Each thread owns a range of the sums, so no synchronisation is needed.
 template <class T>
 void scatter_rows(const T* value, const int32_t* index, const float* weight, int64_t fan,
                   RowSizes s, T* out, const Parallel& parallel) {

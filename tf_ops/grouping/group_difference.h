@@ -1,5 +1,4 @@
-// The first linear layer of a neighbourhood, after its parts were multiplied: gather, subtract,
-// add.
+// The first linear layer of a neighbourhood from precomputed products: gather, subtract, add.
 #pragma once
 
 #include "core/isa.h"
@@ -22,7 +21,7 @@ inline void relu_row(int64_t channels, float* out) {
 
 // out (batch, queries, neighbours, channels); see GroupDifference in kernels.h.
 inline void group_difference(const GroupDifference& g, float* out, const Parallel& parallel) {
-  constexpr int64_t kAhead = 8;  // rows; the index knows long before which will be needed
+  constexpr int64_t kAhead = 8;  // rows to prefetch, known from the index
   const int64_t cost = g.neighbours * (4 + (2 + g.pairs) * g.channels / 8);
   parallel.run(g.batch * g.queries, cost, [&, out](int64_t begin, int64_t end) {
     const auto source = [&](int64_t entry) {

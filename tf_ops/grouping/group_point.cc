@@ -41,11 +41,11 @@ REGISTER_OP("PointTrackNet>GroupPointGrad")
       return absl::OkStatus();
     })
     .Doc(R"doc(
-Gradient of GroupPoint: sums the rows of `grad` that came from the same point, in float32 and in
-the order of `index`, so the result does not depend on the number of threads.
+Gradient of GroupPoint: sums of the rows of `grad` of the same point, in float32 and in the order
+of `index`, so the result does not depend on the number of threads.
 
 grad: (B, ..., C).
-index: (B, ...), as given to GroupPoint.
+index: (B, ...), input of GroupPoint.
 size: N, a scalar.
 grad_points: (B, N, C).
 )doc");

@@ -1,5 +1,5 @@
-// The k nearest points for small k: sixteen neighbouring queries at a time, a lane each. Every lane
-// keeps a sorted list of its own; a candidate is offered to all lanes at once.
+// The k nearest points for small k: sixteen neighbouring queries at a time, a lane each. Each lane
+// keeps a sorted list; a candidate is offered to all lanes at once.
 #pragma once
 
 #include "core/isa.h"
@@ -7,7 +7,7 @@
 
 namespace ptn::PTN_ISA {
 
-constexpr int32_t kFew = 16;  // the largest k for which this is the faster way
+constexpr int32_t kFew = 16;  // the largest k for which this is faster than nearest_many.h
 
 // Per lane the kSize nearest candidates, in order of distance, then of index.
 template <int kSize>
@@ -15,7 +15,7 @@ struct NearestLists {
   F16 distance[kSize];
   I16 index[kSize];
 
-  // Lanes outside `used` start with distance 0 and let nothing in.
+  // Lanes outside `used` start with distance 0 and accept no candidate.
   explicit NearestLists(M16 used) {
     for (int i = 0; i < kSize; ++i) {
       distance[i] = select(used, all(kInfinity), all(0.0F));

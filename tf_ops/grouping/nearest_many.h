@@ -7,7 +7,7 @@
 
 namespace ptn::PTN_ISA {
 
-constexpr int kManyLeafBlocks = 4;  // many are wanted: few leaves to order, each searched at once
+constexpr int kManyLeafBlocks = 4;  // large leaves, since many points are needed
 
 // Distance and index in one number, ordered by distance, then by index.
 using Key = uint64_t;
@@ -55,7 +55,7 @@ class ManyNearest {
   }
 
  private:
-  static constexpr int64_t kRankSort = 512;  // up to here counting smaller ones is the faster sort
+  static constexpr int64_t kRankSort = 512;  // up to this size counting smaller values sorts faster
 
   void visit(const KdTree& tree, int level, int64_t g) {
     nearest_first(
@@ -78,7 +78,7 @@ class ManyNearest {
     if (size_ + kWidth > room_) cut();
   }
 
-  // Keeps the k nearest of the buffer, and perhaps a few more.
+  // Keeps the k nearest of the buffer, and at most enough_ - k more.
   void cut() {
     if (size_ <= enough_) return;
     for (int64_t i = size_; i % kWidth != 0; ++i) distance_[i] = kInfinity;

@@ -22,7 +22,7 @@ xyz1: (B, N, 3), the points, finite.
 xyz2: (B, M, 3), the queries, finite.
 index: (B, M, nsample). The lowest indices of xyz1 whose squared distance, in float32, is below
   radius * radius; unused places hold the first of them. Empty ball: the nearest point.
-count: (B, M). How many were found, at most nsample; 0 for an empty ball.
+count: (B, M). Points found, at most nsample; 0 for an empty ball.
 )doc");
 
 class QueryBallPointOp : public tf::OpKernel {

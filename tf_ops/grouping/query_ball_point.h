@@ -6,7 +6,7 @@
 
 namespace ptn::PTN_ISA {
 
-// A set of indices below a limit, read out in order: a bit per index, and a bit per used word.
+// A set of indices below a limit that is read in order: a bit per index, and a bit per used word.
 class IndexSet {
  public:
   explicit IndexSet(int64_t limit)
@@ -18,7 +18,7 @@ class IndexSet {
     used_[i / 4096] |= uint64_t{1} << (i / 64 % 64);
   }
 
-  // Writes the lowest indices, at most `most`, and empties the set. Returns how many were written.
+  // Writes the lowest indices, at most `most`, and empties the set. Returns their number.
   int32_t take(int32_t most, int32_t* out) {
     int32_t taken = 0;
     for (size_t u = 0; u < used_.size(); ++u) {

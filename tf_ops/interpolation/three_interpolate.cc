@@ -51,7 +51,7 @@ REGISTER_OP("PointTrackNet>ThreeInterpolateGrad")
     .Doc(R"doc(
 Gradients of ThreeInterpolate for points and weight.
 
-points, index, weight: as given to ThreeInterpolate.
+points, index, weight: inputs of ThreeInterpolate.
 grad: (B, N, C).
 grad_points: (B, M, C).
 grad_weight: (B, N, 3).

@@ -1,4 +1,4 @@
-// Weighted sums of three rows, and their gradient for the weights. Knows nothing of TensorFlow.
+// Weighted sums of three rows and their gradient for the weights; independent of TensorFlow.
 #pragma once
 
 #include <cstdint>

@@ -26,7 +26,7 @@ REGISTER_OP("PointTrackNet>ThreeNn")
       return absl::OkStatus();
     })
     .Doc(R"doc(
-The three nearest points of each query. Note the order: queries first, as in the lineage.
+The three nearest points of each query. The queries come first, as in PointNet++.
 
 xyz1: (B, N, 3), the queries, finite.
 xyz2: (B, M, 3), the points, finite.

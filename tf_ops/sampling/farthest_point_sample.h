@@ -1,5 +1,5 @@
 // Exact farthest point sampling over k-d buckets (after Han et al., "QuickFPS", TCAD 2023): a new
-// sample only touches buckets that hold a point nearer to it than to all samples before.
+// sample updates only buckets with a point nearer to it than to all samples before.
 #pragma once
 
 #include "core/isa.h"
@@ -101,7 +101,8 @@ class FarthestPoints {
     for (int b = 0; b < kLeafBlocks; ++b) {
       store(d[b].to_sample, min(load(d[b].to_sample), distance2(tree_.points(first + b), q)));
     }
-    // Distances only fall: while the farthest point keeps its own, it stays the farthest.
+    // Distances only decrease: the farthest point stays the farthest while its distance is the
+    // same.
     const Best& best = best_[0][leaf / kWidth];
     const int place = best.place[leaf % kWidth];
     const float now = d[place / kWidth].to_sample[place % kWidth];

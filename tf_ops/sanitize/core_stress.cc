@@ -1,5 +1,5 @@
-// Runs every algorithm, in every instruction set that this processor has, from several threads at
-// once and over real threads, and compares with plain loops. Built with sanitizers and without
+// Runs every algorithm in every instruction set of this processor, from several threads at once
+// and over real threads, and compares with plain loops. Built with sanitizers and without
 // TensorFlow, so that the thread sanitizer sees all of the synchronisation.
 
 #include <cstdlib>

@@ -25,7 +25,7 @@ inline void expect(bool good, const char* set, const char* what, int64_t size) {
   std::fprintf(stderr, "%s: %s differs at size %lld\n", set, what, static_cast<long long>(size));
 }
 
-// As the ops share their work, over threads of its own, however cheap the work is.
+// Divides work as the ops do, over new threads and whatever its cost.
 inline Parallel real_threads(int threads) {
   const auto schedule = [](std::function<void()> helper) {
     std::thread(std::move(helper)).detach();
@@ -40,7 +40,7 @@ inline std::vector<float> normal(int64_t size, std::mt19937* random, float devia
   return values;
 }
 
-// Each compares an algorithm in all instruction sets and over threads with plain loops.
+// Compare algorithms in all instruction sets and over threads with plain loops.
 void clouds(const Sets& sets, uint32_t seed);
 void normalization(const Sets& sets, uint32_t seed);
 void rows(const Sets& sets, uint32_t seed);

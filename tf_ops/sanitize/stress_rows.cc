@@ -13,7 +13,7 @@ namespace {
 constexpr ptn::RowSizes kSizes = {2, 50, 90, 19};
 constexpr int64_t kThirds = 30;  // kSizes.entries / 3
 
-// Whole numbers: sums are exact in any order. T: float, and a type that has to be converted.
+// Whole numbers: sums are exact in any order. T: float, and a type that needs conversion.
 template <class T>
 void gather_and_scatter(const std::vector<int32_t>& index, std::mt19937* random) {
   const ptn::RowSizes s = kSizes;
@@ -67,7 +67,7 @@ void interpolate(const std::vector<int32_t>& index, std::mt19937* random) {
   }
 }
 
-// In all instruction sets and over threads, against a plain loop.
+// Group difference in all instruction sets and over threads, against a plain loop.
 void difference(const Sets& sets, const std::vector<int32_t>& index, std::mt19937* random) {
   const ptn::RowSizes s = kSizes;
   const auto points = normal(s.batch * s.rows * s.channels, random);
