@@ -1,8 +1,9 @@
-"""The paper's pictures, one by one, from a data set, result files and weights.
+"""The paper's pictures, and a drive to turn in a browser, from data, result files and weights.
 
+    python visualize.py scene --data_root DATA --seq 0016 --results A/tracks B/tracks --out a.html
     python visualize.py birds_eye --data_root DATA --seq 0016 --results DIR/tracks --out fig1.png
     python visualize.py trajectories --data_root DATA --seq 0016 --results A/tracks B/tracks \\
-        --displacements 0,2 --out fig6.png
+        --object_shift 0,2 --out fig6.png
     python visualize.py animation --data_root DATA --seq 0016 --results DIR/tracks --out a.gif
     python visualize.py network --data_root DATA --seq 0016 --out DIR
 """
@@ -15,99 +16,183 @@ from pathlib import Path
 
 from common import flags
 from common.errors import InputError
-from demo import parse_displacements
 from evaluation.config import EvaluateConfig
 from evaluation.run import check_writable
 from evaluation.scene import Scene
 from evaluation.side_by_side import displaced_scenes
-from kitti.labels import Objects, read_results
+from kitti.labels import Objects
 from kitti.splits import parse_sequences
 from visualization.animation import animate
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
 from visualization.drawing import save
-from visualization.gallery import draw_network
+from visualization.gallery import draw_network, draw_scene
+from visualization.scene import POINTS_PER_FRAME
 from visualization.trajectories import trajectories
 
 FIGURES = {
+    "scene": "a drive in 3-D as one HTML file: tracks of several folders, errors per frame",
     "birds_eye": "Fig. 1: truth and tracks from above",
     "trajectories": "Fig. 6: tracks in 3-D, a row per folder of results",
     "animation": "a GIF of the tracks from above",
-    "network": "Fig. 3 and Fig. 4: sampling.png and association.png in the folder --out",
+    "network": "Fig. 3 and Fig. 4: sampling.png, association.png and network.html in a folder",
 }
-SUFFIXES = {
-    "birds_eye": (".png", ".pdf", ".svg"),
-    "trajectories": (".png", ".pdf", ".svg"),
-    "animation": (".gif",),
-}
+STILL = (".png", ".pdf", ".svg")
 
 
 def make_parser() -> flags.ArgumentParser:
     """The command line."""
-    text = "; ".join(f"{name}: {what}" for name, what in FIGURES.items())
     parser = flags.ArgumentParser(description=__doc__.split("\n")[0])
-    add = parser.add_argument
-    add("figure", choices=FIGURES, help=text)
-    add("--data_root", type=Path, required=True, help="folder in KITTI's tracking layout")
-    add("--seq", required=True, help="sequence, such as 0016")
-    add("--results", type=Path, nargs="+", default=[], help="folders of result files 00XX.txt")
-    add("--displacements", type=parse_displacements, default="0", help="metres, one per --results")
-    add("--seed", type=flags.non_negative_int, default=0, help="of the displacement")
-    add("--frame", type=flags.non_negative_int, help="default: the one with most vehicles")
-    add(
-        "--animation_frames",
-        type=flags.non_negative_int,
-        default=0,
-        help="at most, of the animation; 0: all",
-    )
-    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
-    add("--out", type=Path, required=True, help="file to write (network: folder)")
+    figures = parser.add_subparsers(dest="figure", required=True, metavar="|".join(FIGURES))
+    parsers = {name: figures.add_parser(name, help=text) for name, text in FIGURES.items()}
+    for name, part in parsers.items():
+        add = part.add_argument
+        add("--data_root", type=Path, required=True, help="folder in KITTI's tracking layout")
+        add("--seq", required=True, help="sequence, such as 0016")
+        add("--out", type=Path, required=True, help="file to write (network: folder)")
+        several = ", one per --results" if name == "trajectories" else ""
+        shifts = flags.non_negative_floats if several else flags.non_negative_float
+        help_text = f"metres, D of section IV.D{several}"
+        add("--object_shift", "--displacements", type=shifts, default="0", help=help_text)
+        add("--seed", type=flags.non_negative_int, default=0, help="of the object shift")
+        if name != "network":
+            count = "+" if name in ("trajectories", "scene") else 1
+            needed = {"default": []} if name == "scene" else {"required": True}
+            add("--results", type=Path, nargs=count, help="folder of files 00XX.txt", **needed)
+        if name in ("network", "birds_eye"):
+            add("--frame", type=flags.non_negative_int, help="default: the one with most vehicles")
+        if name in ("network", "scene"):
+            add("--weights", type=Path, default=Path("weights"), help="folder of the networks'")
+    _add_scene_flags(parsers["scene"])
+    frames = {"type": flags.non_negative_int, "default": 0, "help": "at most; 0: all"}
+    parsers["animation"].add_argument("--animation_frames", **frames)
     return parser
 
 
-def make_clip(args: argparse.Namespace, distance: float, results: Path | None) -> Clip:
-    """The sequence under a displacement, with the tracks of a folder if one is given."""
+def _add_scene_flags(parser: flags.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--iou", type=flags.finite_float, default=0.5, help="least 3-D IoU of a match")
+    add("--points", type=flags.positive_int, default=POINTS_PER_FRAME, help="of a frame, at most")
+    foreground = "colour points by the detector's foreground probability (needs --weights)"
+    add("--foreground", action="store_true", help=foreground)
+    add("--rerun", type=Path, help="also write this .rrd for the Rerun viewer (needs rerun-sdk)")
+
+
+def open_scene(args: argparse.Namespace, distance: float) -> Scene:
+    """The sequence, its objects shifted by up to `distance` metres."""
     seqs = tuple(parse_sequences(args.seq))
     if len(seqs) != 1:
         raise InputError(f"--seq: expected one sequence, found {args.seq!r}")
     config = EvaluateConfig(args.data_root, seqs=seqs, displacement=distance, seed=args.seed)
-    scene: Scene = displaced_scenes(config)[0]
-    rows = Objects.empty()
-    if results is not None:
-        rows = read_results(results / f"{scene.name}.txt", scene.num_frames)
-    return Clip.of_scene(scene, rows)
+    return displaced_scenes(config)[0]
 
 
-def draw(args: argparse.Namespace) -> list[Path]:
-    """The figure that the flags ask for; returns the files written."""
-    if args.figure == "network":
-        check_writable(args.out)
-        files = [args.out / "sampling.png", args.out / "association.png"]
-        clip = make_clip(args, args.displacements[0], None)
-        draw_network(clip, args.weights, f"sequence {clip.name}", *files, args.frame)
-        return files
-    if args.out.suffix not in SUFFIXES[args.figure]:
-        expected = ", ".join(SUFFIXES[args.figure])
-        raise InputError(f"--out: expected a file ending in {expected}", args.out)
-    if len(args.results) != len(args.displacements):
-        raise InputError("expected as many --results as --displacements")
-    pairs = zip(args.displacements, args.results, strict=True)
+def read_tracks(scene: Scene, folder: Path) -> Objects:
+    """The result rows of a scene in a folder of result files."""
+    return scene.sequence.read_results(folder / f"{scene.name}.txt")
+
+
+def make_clip(args: argparse.Namespace, distance: float, results: Path) -> Clip:
+    """The sequence with the tracks of a folder."""
+    scene = open_scene(args, distance)
+    return Clip.of_scene(scene, read_tracks(scene, results))
+
+
+def tracker_names(folders: Sequence[Path]) -> list[str]:
+    """A name per folder of results: its own, or its parent's where it is called tracks."""
+    names: list[str] = []
+    for folder in (folder.resolve() for folder in folders):
+        name = folder.parent.name if folder.name == "tracks" else folder.name
+        again = sum(other == name or other.startswith(f"{name} (") for other in names)
+        names.append(f"{name} ({again + 1})" if again else name)
+    return names
+
+
+def draw_drive(args: argparse.Namespace) -> list[Path]:
+    """The scene, and the recording of Rerun where it is wanted."""
+    _check_suffix(args.out, (".html",))
+    if not 0 < args.iou <= 1:
+        raise InputError(f"--iou: expected above 0 and at most 1, found {args.iou:g}")
+    if args.rerun is not None:
+        _check_suffix(args.rerun, (".rrd",), "--rerun")
+        from visualization.rerun_file import load_rerun, write_recording
+
+        load_rerun()
+    scene = open_scene(args, args.object_shift)
+    names = tracker_names(args.results)
+    pairs = zip(names, args.results, strict=True)
+    trackers = {name: read_tracks(scene, folder) for name, folder in pairs}
+    clip = Clip.of_scene(scene, Objects.empty())
+    title = f"sequence {scene.name}"
+    if args.object_shift:
+        title += f", objects shifted by up to {args.object_shift:g} m"
+    weights = args.weights if args.foreground else None
+    options = {"min_iou": args.iou, "points_per_frame": args.points}
+    files = [draw_scene(clip, trackers, title, args.out, weights, **options)]
+    if args.rerun is not None:
+        files.append(write_recording(args.rerun, clip, trackers))
+    return files
+
+
+def draw_inside(args: argparse.Namespace) -> list[Path]:
+    """What the networks see."""
+    check_writable(args.out)
+    files = [args.out / name for name in ("sampling.png", "association.png", "network.html")]
+    clip = Clip.of_scene(open_scene(args, args.object_shift), Objects.empty())
+    sampling, association, scene = files
+    title = f"sequence {clip.name}"
+    draw_network(clip, args.weights, title, sampling, association, args.frame, scene)
+    return files
+
+
+def draw_trajectories(args: argparse.Namespace) -> list[Path]:
+    """Fig. 6."""
+    _check_suffix(args.out, STILL)
+    if len(args.results) != len(args.object_shift):
+        raise InputError("expected as many --results as values of --object_shift")
+    pairs = zip(args.object_shift, args.results, strict=True)
     clips = [make_clip(args, distance, results) for distance, results in pairs]
-    if args.figure == "trajectories":
-        names = [f"sequence {clips[0].name}, displacement {d:g} m" for d in args.displacements]
-        return [save(trajectories(clips, names), args.out)]
-    clip = clips[0]
-    if args.figure == "animation":
-        return [animate(clip, args.out, max_frames=args.animation_frames)]
+    names = [
+        f"sequence {clips[0].name}, objects shifted by up to {d:g} m" for d in args.object_shift
+    ]
+    return [save(trajectories(clips, names), args.out)]
+
+
+def draw_animation(args: argparse.Namespace) -> list[Path]:
+    """A GIF."""
+    _check_suffix(args.out, (".gif",))
+    clip = make_clip(args, args.object_shift, args.results[0])
+    return [animate(clip, args.out, max_frames=args.animation_frames)]
+
+
+def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
+    """Fig. 1."""
+    _check_suffix(args.out, STILL)
+    clip = make_clip(args, args.object_shift, args.results[0])
     frame = clip.busiest_frame() if args.frame is None else args.frame
     if frame >= clip.num_frames:
         raise InputError(f"--frame: expected below {clip.num_frames}, found {frame}")
     return [save(birds_eye(clip, frame), args.out)]
 
 
+DRAW = {
+    "scene": draw_drive,
+    "birds_eye": draw_birds_eye,
+    "trajectories": draw_trajectories,
+    "animation": draw_animation,
+    "network": draw_inside,
+}
+
+
+def _check_suffix(path: Path, suffixes: Sequence[str], flag: str = "--out") -> None:
+    if path.suffix not in suffixes:
+        raise InputError(f"{flag}: expected a file ending in {', '.join(suffixes)}", path)
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Draws and says where."""
-    for path in draw(make_parser().parse_args(argv)):
+    args = make_parser().parse_args(argv)
+    for path in DRAW[args.figure](args):
         print(path)
 
 

@@ -110,3 +110,8 @@ def non_negative_float(text: str) -> float:
     if value < 0:
         raise argparse.ArgumentTypeError(f"expected a number >= 0, found {text!r}")
     return value
+
+
+def non_negative_floats(text: str) -> tuple[float, ...]:
+    """argparse type: numbers >= 0 between commas, such as 0,2."""
+    return tuple(non_negative_float(part.strip()) for part in text.split(","))

@@ -89,6 +89,7 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "experiments.figure5": f"{TRACKING}::test_figure5_writes_curve_and_picture",
     "experiments.ab3dmot": f"{TRACKING}::test_ab3dmot_table_stands_beside_the_published_rows",
     "experiments.decoding_parameters": f"{DECODING}::test_from_end_to_end",
+    "visualize.py scene": Here(KITTI),
     "visualize.py birds_eye": Here(KITTI),
     "visualize.py trajectories": Here(KITTI),
     "visualize.py animation": Here(KITTI),

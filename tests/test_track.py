@@ -156,7 +156,7 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
     assert [int(row["id"]) for row in table] == [row["id"] for row in rows]
     assert [row["frame"] for row in rows] == results.frame.tolist()
     np.testing.assert_allclose([row["length"] for row in rows], results.boxes[:, 3], atol=1e-5)
-    for name in ("drive.txt", "birds_eye.png", "trajectories.png", "animation.gif"):
+    for name in ("drive.txt", "birds_eye.png", "trajectories.png", "animation.gif", "scene.html"):
         assert (tmp_path / "out" / name).is_file() and str(tmp_path / "out" / name) in printed
 
 

@@ -1,13 +1,19 @@
 """visualize.py draws from files what it is asked for, and says in one line what does not fit."""
 
+import base64
+import json
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image
 from small_inputs import two_cars
+from small_weights import write_weights
 
 import visualize
 from common import flags
-from kitti.labels import Objects, write_results
+from kitti.labels import Objects, read_results, write_results
 
 FRAMES = 4
 
@@ -50,6 +56,55 @@ def test_trajectories_have_a_row_per_folder_of_results(root, tmp_path):
     assert two[0] == width and two[1] == pytest.approx(2 * height, abs=2)
 
 
+def test_scene_of_two_folders_of_results(root, tmp_path, capsys):
+    out = tmp_path / "a.html"
+    results = ["--results", root / "results", root / "results"]
+    assert run(root, "scene", out, *results, "--points", 50) == 0
+    assert capsys.readouterr().out.strip() == str(out)
+    text = out.read_text(encoding="utf-8")
+    (data,) = re.findall(r'<script type="application/json" id="scene">(.*?)</script>', text)
+    scene = json.loads(data)
+    assert scene["frames"] == len(scene["points"]["frames"]) == FRAMES
+    assert [len(base64.b64decode(frame)) for frame in scene["points"]["frames"]] == [7 * 50] * 4
+    assert [tracker["name"] for tracker in scene["trackers"]] == ["results", "results (2)"]
+    boxes = np.frombuffer(base64.b64decode(scene["trackers"][0]["box"]["data"]), "<f4")
+    expected = read_results(root / "results" / "0000.txt", FRAMES).boxes
+    np.testing.assert_array_equal(boxes, expected.ravel().astype("f4"))
+
+
+def test_scene_of_labels_alone_under_an_object_shift(root, tmp_path):
+    out = tmp_path / "a.html"
+    assert run(root, "scene", out, "--object_shift", 2) == 0
+    assert "objects shifted by up to 2 m</title>" in out.read_text(encoding="utf-8")
+
+
+def test_names_of_trackers():
+    folders = [Path("/r/sort/tracks"), Path("/r/ours"), Path("/q/sort/tracks")]
+    assert visualize.tracker_names(folders) == ["sort", "ours", "sort (2)"]
+
+
+@pytest.mark.slow
+def test_network_and_foreground_of_small_networks(root, tmp_path):
+    weights = write_weights(tmp_path / "weights")
+    out = tmp_path / "pictures"
+    assert run(root, "network", out, "--weights", weights, "--frame", 2) == 0
+    names = ["association.png", "network.html", "sampling.png"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    text = (out / "network.html").read_text(encoding="utf-8")
+    (data,) = re.findall(r'<script type="application/json" id="scene">(.*?)</script>', text)
+    network = json.loads(data)["network"]
+    arrows = network["arrows"]
+    assert len(arrows["from"]["data"]) == len(arrows["by"]["data"]) > 0
+    assert len(network["group"]["neighbors"]) > 0
+    proposals = network["proposals"]
+    owners = np.frombuffer(base64.b64decode(proposals["owner"]["data"]), "<i4")
+    scores = np.frombuffer(base64.b64decode(proposals["score"]["data"]), "<f4")
+    assert len(owners) == len(scores) > 0 and owners.max() >= 0
+    drive = tmp_path / "a.html"
+    assert run(root, "scene", drive, "--foreground", "--weights", weights) == 0
+    assert '"shading":"foreground probability"' in drive.read_text(encoding="utf-8")
+
+
 def test_animation_has_every_frame(root, tmp_path):
     out = tmp_path / "a.gif"
     assert run(root, "animation", out, "--results", root / "results") == 0
@@ -61,7 +116,12 @@ def test_animation_has_every_frame(root, tmp_path):
     [
         ("birds_eye", "a.gif", ("--results", "R"), "expected a file ending in .png, .pdf, .svg"),
         ("animation", "a.png", ("--results", "R"), "expected a file ending in .gif"),
-        ("birds_eye", "a.png", (), "expected as many --results as --displacements"),
+        ("trajectories", "a.png", ("--results", "R", "R"), "as many --results as values of"),
+        ("scene", "a.png", (), "expected a file ending in .html"),
+        ("scene", "a.html", ("--iou", "0"), "--iou: expected above 0 and at most 1, found 0"),
+        ("scene", "a.html", ("--rerun", "a.txt"), "--rerun: expected a file ending in .rrd"),
+        ("scene", "a.html", ("--results", "none"), "0000.txt"),
+        ("scene", "a.html", ("--foreground", "--weights", "none"), "detector.npz: expected a"),
         ("birds_eye", "a.png", ("--results", "R", "--frame", "4"), "--frame: expected below 4"),
         ("birds_eye", "a.png", ("--results", "none"), "0000.txt"),
         ("birds_eye", "a.png", ("--results", "R", "--seq", "0000-0001"), "expected one sequence"),
@@ -74,4 +134,10 @@ def test_what_does_not_fit_is_one_line(root, tmp_path, capsys, figure, name, mor
     assert run(root, figure, tmp_path / name, *words) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and message in error
-    assert not (tmp_path / "a.png").exists()
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_results_are_needed_but_for_the_scene(root, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        run(root, "birds_eye", tmp_path / "a.png")
+    assert "required: --results" in capsys.readouterr().err

@@ -1,6 +1,8 @@
-"""The paper's Fig. 1: truth (green, dotted) against prediction (blue, solid) from above."""
+"""A frame from above: truth (green, dotted) against prediction (solid); the paper's Fig. 1."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
@@ -22,34 +24,75 @@ from visualization.drawing import (
 TRAIL = 30  # frames: 3 s
 
 
-def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
-    """Frame t with boxes and the way they came in the last 3 s.
+class BirdsEye:
+    """A figure whose contents change from frame to frame.
 
-    Where poses are known the sensor's own motion is taken out, so that parked cars stand still.
+    Where poses are known the sensor's own motion is taken out of the trails, so that parked cars
+    stand still.
+
+    Args:
+        clip: what is shown.
+        color: of the tracks: one, or a function of the id.
+        trail: frames that a trail goes back.
+        size: width and height in inches.
     """
-    figure = Figure(figsize=(7.2, 6.9), layout="constrained")
-    panel = figure.subplots()
-    draw_points(panel, clip.scan(t))
-    truth, found = clip.truth.at(t), clip.results.at(t)
-    draw_boxes(panel, truth.boxes, TRUTH, linewidth=2.2, zorder=2)
-    draw_trails(
-        panel, clip.trails(clip.truth, t, TRAIL), TRUTH, linestyle=":", linewidth=2.2, zorder=2
-    )
-    draw_boxes(panel, found.boxes, FOUND, linewidth=1.2, zorder=3)
-    draw_trails(panel, clip.trails(clip.results, t, TRAIL), FOUND, linewidth=1.0, zorder=3)
-    for track_id, box in zip(found.track_id.tolist(), found.boxes, strict=True):
-        label(panel, box[0], box[1] + 1.6, str(track_id), color=FOUND, zorder=4)
-    birds_eye_axes(panel)
-    handles = _handles(FOUND, "PointTrackNet, with ids", "-", 1.2)
-    if len(clip.truth):
-        handles += _handles(TRUTH, "truth", ":", 2.2)
-    legend_below(figure, handles)
-    panel.set_title(title or f"sequence {clip.name}, frame {t}", fontsize=TEXT + 1)
-    return figure
+
+    def __init__(
+        self,
+        clip: Clip,
+        color: str | Callable[[int], str] = FOUND,
+        trail: int = TRAIL,
+        size: tuple[float, float] = (7.2, 6.9),
+    ):
+        self.clip, self.color, self.trail = clip, color, trail
+        self.figure = Figure(figsize=size, layout="constrained")
+        self.panel = self.figure.subplots()
+        birds_eye_axes(self.panel)
+        self._passing = []
+        legend_below(self.figure, self._handles())
+
+    def draw(self, t: int, title: str = "") -> Figure:
+        """Shows frame t in place of the last one; returns the figure."""
+        for artist in self._passing:
+            artist.remove()
+        clip, panel = self.clip, self.panel
+        truth, found = clip.truth.at(t), clip.results.at(t)
+        ids = found.track_id.tolist()
+        colors = [self._of(i) for i in ids]
+        ways = [clip.trails(objects, t, self.trail) for objects in (clip.truth, clip.results)]
+        self._passing = [
+            draw_points(panel, clip.scan(t)),
+            draw_boxes(panel, truth.boxes, TRUTH, linewidth=2.2, zorder=2),
+            draw_trails(panel, ways[0], TRUTH, linestyle=":", linewidth=2.2, zorder=2),
+            draw_boxes(panel, found.boxes, colors, linewidth=1.2, zorder=3),
+            draw_trails(panel, ways[1], self._of, linewidth=1.0, zorder=3),
+            *(
+                label(panel, box[0], box[1] + 1.6, str(i), color=color, zorder=4)
+                for i, box, color in zip(ids, found.boxes, colors, strict=True)
+            ),
+        ]
+        panel.set_title(title or f"sequence {clip.name}, frame {t}", fontsize=TEXT + 1)
+        return self.figure
+
+    def _of(self, track_id: int) -> str:
+        return self.color(track_id) if callable(self.color) else self.color
+
+    def _handles(self) -> list:
+        one = not callable(self.color)
+        color, name = (FOUND, "with ids") if one else ("0.2", "one colour per id")
+        handles = _handles(color, f"PointTrackNet, {name}", self.trail, "-", 1.2)
+        if len(self.clip.truth):
+            handles += _handles(TRUTH, "truth", self.trail, ":", 2.2)
+        return handles
 
 
-def _handles(color: str, name: str, linestyle: str, width: float) -> list:
-    way = "its way in the last 3 s"
+def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
+    """Frame t with boxes and the way they came in the last 3 s."""
+    return BirdsEye(clip).draw(t, title)
+
+
+def _handles(color: str, name: str, trail: int, linestyle: str, width: float) -> list:
+    way = f"its way in the last {trail / 10:g} s"
     return [
         box_handle(color, name, linewidth=width),
         line_handle(color, way, linestyle=linestyle, linewidth=width),

@@ -19,14 +19,16 @@ from kitti.boxes import box_corners
 TRUTH, FOUND, POINTS = "tab:green", "tab:blue", "0.6"
 TEXT = 11  # points, in figures of about 7 inches: readable where a picture is as wide as a phone
 _GOLDEN = 0.618034  # of a turn: hues that follow each other are far apart, and none comes back
-_LIGHTNESS = (0.40, 0.25, 0.46, 0.33)
+ON_WHITE = (0.40, 0.25, 0.46, 0.33)
+"""HLS lightness of ids that follow each other."""
 EDGES = ((0, 1, 2, 3, 0, 4, 5, 6, 7, 4), (1, 5), (2, 6), (3, 7))
 """Strokes through the corners of a box (see `kitti.boxes.box_corners`)."""
 
 
-def id_color(track_id: int) -> str:
-    """The colour of a track: one for each id, dark enough for white paper."""
-    hue, lightness = track_id * _GOLDEN % 1.0, _LIGHTNESS[track_id % len(_LIGHTNESS)]
+def id_color(track_id: int, lightness: tuple[float, ...] = ON_WHITE) -> str:
+    """The colour of a track, #rrggbb: one for each id; by default dark enough for white paper."""
+    hue = (0.45 + 0.83 * (track_id * _GOLDEN % 1.0)) % 1.0  # all but the green of labels
+    lightness = lightness[track_id % len(lightness)]
     red, green, blue = (round(255 * x) for x in colorsys.hls_to_rgb(hue, lightness, 0.85))
     return f"#{red:02x}{green:02x}{blue:02x}"
 
@@ -73,9 +75,10 @@ def line_handle(color: str, text: str, **style) -> Line2D:
     return Line2D([], [], color=color, label=text, **style)
 
 
-def draw_points(panel, points: np.ndarray, color=POINTS, size: float = 0.4, **style) -> None:
+def draw_points(panel, points: np.ndarray, color=POINTS, size: float = 0.4, **style) -> Line2D:
     """Points (n, >=2) from above."""
-    panel.plot(points[:, 0], points[:, 1], ".", color=color, markersize=size, zorder=1, **style)
+    x, y = points[:, 0], points[:, 1]
+    return panel.plot(x, y, ".", color=color, markersize=size, zorder=1, **style)[0]
 
 
 def outlines(boxes: np.ndarray) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,10 @@ from visualization.association import association
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
 from visualization.drawing import save
+from visualization.network_scene import network_data
 from visualization.sampling import sampling, share_in_boxes
+from visualization.scene import scene_data
+from visualization.scene_page import write_scene
 from visualization.trajectories import trajectories
 
 
@@ -59,7 +62,7 @@ def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> N
         bar.update()
         save(trajectories(clips, titles), folder / "trajectories.png", dpi=110)
         bar.update(len(clips))
-        animate(first, folder / "animation.gif", titles[0], frames, bar.update)
+        animate(first, folder / "animation.gif", titles[0], each_frame=bar.update)
 
 
 def draw_unlabelled(
@@ -71,7 +74,7 @@ def draw_unlabelled(
     folder: Path,
     max_frames: int = 100,
 ) -> list[Path]:
-    """Fig. 1 and Fig. 6 at the last of the frames first ... last, and the animation, without truth.
+    """Fig. 1 and Fig. 6 at the last of the frames first ... last, animation and scene, no truth.
 
     results, points: as in `Clip`, frames counted as the files are; max_frames: as in `animate`.
     Returns the files written.
@@ -79,14 +82,37 @@ def draw_unlabelled(
     shifted = replace(results, frame=results.frame - first)
     count = last - first + 1
     clip = Clip(name, count, lambda t: points(t + first), shifted, Objects.empty())
-    paths = [folder / file for file in ("birds_eye.png", "trajectories.png", "animation.gif")]
-    with Progress(animated_frames(count, max_frames) + 2, "pictures", "pictures") as bar:
+    files = ("birds_eye.png", "trajectories.png", "animation.gif", "scene.html")
+    paths = [folder / file for file in files]
+    with Progress(animated_frames(count, max_frames) + 3, "pictures", "pictures") as bar:
         save(birds_eye(clip, count - 1, f"{name}, frame {last}"), paths[0])
         bar.update()
         save(trajectories([clip], [name]), paths[1], dpi=110)
         bar.update()
         animate(clip, paths[2], name, max_frames, bar.update)
+        draw_scene(clip, {"PointTrackNet": shifted}, name, paths[3], first=first)
+        bar.update()
     return paths
+
+
+def draw_scene(
+    clip: Clip,
+    trackers: Mapping[str, Objects],
+    title: str,
+    path: Path,
+    weights: Path | None = None,
+    **options: Any,
+) -> Path:
+    """The drive in 3-D as an HTML file; `options` are those of `visualization.scene.scene_data`.
+
+    weights: of the detector whose foreground probability colours the points; None for intensity.
+    """
+    if weights is not None:
+        from visualization.views import foreground_points  # TensorFlow only where it is needed
+
+        clip = replace(clip, points=foreground_points(clip, weights))
+        options["shading"] = "foreground probability"
+    return write_scene(path, title, scene_data(clip, trackers, **options))
 
 
 def draw_network(
@@ -96,15 +122,16 @@ def draw_network(
     sampling_path: Path,
     association_path: Path,
     frame: int | None = None,
+    scene_path: Path | None = None,
 ) -> dict[str, float]:
-    """Fig. 3 and Fig. 4 at a frame, by default the busiest.
+    """Fig. 3 and Fig. 4 at a frame, by default the busiest, and both as a scene to turn.
 
     Returns shares of sampled points that lie on vehicles, by layer and kind of sampling. Raises
     InputError where the frame or the one before it has no scan.
     """
     from models.inference import StreamingNetwork  # TensorFlow only where it is needed
     from models.weights import load_networks
-    from visualization.views import neighborhood, samplings
+    from visualization.views import network_frame
 
     t = _frame_with_scans(clip) if frame is None else _checked_frame(clip, frame)
     with Progress(3, "pictures of the network", "steps") as bar:
@@ -112,16 +139,17 @@ def draw_network(
         bar.update()
         before, now = clip.truth.at(t - 1).boxes, clip.truth.at(t).boxes
         previous, current = (network.detect(clip.scan(i), i) for i in (t - 1, t))
-        found = samplings(network, current)
-        figure = sampling(found, current.sampled, now, f"{title}, frame {t}")
-        save(figure, sampling_path)
+        seen = network_frame(network, previous, current, before, t)
         bar.update()
-        view = neighborhood(network, previous, current, before)
-        figure = association(view, before, now, f"{title}, frames {t - 1} and {t}")
-        save(figure, association_path)
+        figure = sampling(seen.samplings, current.sampled, now, f"{title}, frame {t}")
+        save(figure, sampling_path)
+        titled = f"{title}, frames {t - 1} and {t}"
+        save(association(seen.neighborhood, before, now, titled), association_path)
+        if scene_path is not None:
+            write_scene(scene_path, titled, network_data(clip, seen))
         bar.update()
     shares = {}
-    for layer, filtered, plain in zip(*found, strict=True):
+    for layer, filtered, plain in zip(*seen.samplings, strict=True):
         shares[f"{layer} filtered"] = share_in_boxes(filtered, now)
         shares[f"{layer} plain"] = share_in_boxes(plain, now)
     return shares

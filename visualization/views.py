@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import tensorflow as tf
 
 from kitti.boxes import points_in_boxes
+from kitti.labels import Objects
+from models.box_decoding import Proposals, propose
+from models.detector import detector_inputs
 from models.inference import FrameState, StreamingNetwork
 from models.set_upconv import neighbors_within
+from models.weights import load_networks
 from tf_ops import farthest_point_sample, gather_point
 from visualization.association import Neighborhood
+from visualization.clip import Clip
+from visualization.network_scene import NetworkFrame
 from visualization.sampling import Samplings
+
+
+def foreground_points(clip: Clip, weights: Path) -> Callable[[int], np.ndarray | None]:
+    """Frame -> (N, 4) the points that the detector sees and their foreground probability, or None.
+
+    Raises:
+        InputError: weights are missing or broken.
+    """
+    network = StreamingNetwork(*load_networks(weights))
+
+    def points(t: int) -> np.ndarray | None:
+        scan = clip.scan(t)
+        if not len(scan):
+            return None
+        state = network.detect(scan, t)
+        return np.column_stack([state.sampled, state.probability])
+
+    return points
 
 
 def samplings(network: StreamingNetwork, state: FrameState) -> Samplings:
@@ -55,6 +82,42 @@ def neighborhood(
     return Neighborhood(
         points, after.numpy()[0], chosen, neighbors[chosen], config.association_radius
     )
+
+
+def network_frame(
+    network: StreamingNetwork, previous: FrameState, current: FrameState, boxes: np.ndarray, t: int
+) -> NetworkFrame:
+    """All that the scene of frame t shows; `boxes` (M, 7) are the true ones of frame t-1.
+
+    Raises:
+        ValueError: one of the frames has no points.
+    """
+    _check(current)
+    proposals = _proposals(network, current)
+    found = current.detections
+    classes = np.array(network.detector.config.box.classes)
+    return NetworkFrame(
+        t=t,
+        points=np.column_stack([current.sampled, current.probability]),
+        detections=Objects.from_boxes(
+            0, np.arange(len(found.boxes)), found.boxes, found.scores, kind=classes[found.classes]
+        ),
+        proposals=proposals.boxes.numpy(),
+        proposal_scores=proposals.probability.numpy(),
+        earlier=previous.points,
+        foreground=previous.foreground,
+        displacement=network.displacement(previous, current),
+        samplings=samplings(network, current),
+        neighborhood=neighborhood(network, previous, current, boxes),
+    )
+
+
+def _proposals(network: StreamingNetwork, state: FrameState) -> Proposals:
+    """The boxes of the points that may be foreground, before suppression."""
+    config, xyz = network.detector.config, tf.constant(state.sampled)
+    outputs = network.detector(detector_inputs(xyz[None], config), training=False)
+    predictions = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
+    return propose(xyz, predictions, config.box, network.decoding.min_probability)
 
 
 def _on_an_object(points: np.ndarray, boxes: np.ndarray) -> int:

@@ -1,0 +1,104 @@
+"""What the networks see in one frame, as data of the 3-D scene (the paper's Figures 3 and 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kitti.labels import Objects
+from visualization.association import Neighborhood
+from visualization.clip import Clip
+from visualization.sampling import Samplings
+from visualization.scene import pack, scene_data
+
+MIN_FOREGROUND = 0.5  # probability of a point whose association displacement is drawn
+REACH = 3.0  # metres from the centre of a detection to those of its proposals
+EARLIER, FILTERED, PLAIN = (255, 106, 106), (92, 230, 140), (255, 92, 160)  # RGB
+
+
+@dataclass(frozen=True)
+class NetworkFrame:
+    """The networks' outputs at frame t, level frame, metres.
+
+    Attributes:
+        t: the frame.
+        points: (N, 4) the points that the detector saw, and their foreground probability.
+        detections: its boxes, frame 0 in the rows, ids by score.
+        proposals, proposal_scores: (P, 7) boxes of single points and (P,) their probabilities.
+        earlier: (K, 3) the points of frame t-1 that the tracker keeps.
+        foreground: (K,) their foreground probability.
+        displacement: (K, 3) their association displacement to frame t.
+        samplings: the points that the tracker's layers sample (Fig. 3).
+        neighborhood: the group of one point (Fig. 4).
+    """
+
+    t: int
+    points: np.ndarray
+    detections: Objects
+    proposals: np.ndarray
+    proposal_scores: np.ndarray
+    earlier: np.ndarray
+    foreground: np.ndarray
+    displacement: np.ndarray
+    samplings: Samplings
+    neighborhood: Neighborhood
+
+
+def owners(proposals: np.ndarray, detections: np.ndarray) -> np.ndarray:
+    """(P,) row of the detection (M, 7) whose centre is nearest, within REACH; else -1."""
+    if not len(detections):
+        return np.full(len(proposals), -1)
+    gap = np.linalg.norm(proposals[:, None, :3] - detections[None, :, :3], axis=2)
+    return np.where(gap.min(axis=1) <= REACH, gap.argmin(axis=1), -1)
+
+
+def network_data(clip: Clip, frame: NetworkFrame) -> dict[str, Any]:
+    """The scene of one frame, JSON-ready; labels are those of `clip`."""
+    truth = clip.truth.at(frame.t)
+    now = Objects.from_boxes(0, truth.track_id, truth.boxes, truth.score, kind=truth.type)
+    still = Clip(clip.name, 1, lambda _: frame.points, Objects.empty(), now)
+    data = scene_data(
+        still,
+        {"detections": frame.detections},
+        shading="foreground probability",
+        first=frame.t,
+        points_per_frame=len(frame.points),
+    )
+    moving = frame.foreground >= MIN_FOREGROUND
+    view = frame.neighborhood
+    data["network"] = {
+        "sets": _sets(frame),
+        "arrows": {
+            "from": pack(frame.earlier[moving], "float32"),
+            "by": pack(frame.displacement[moving], "float32"),
+        },
+        "proposals": {
+            "box": pack(frame.proposals, "float32"),
+            "score": pack(frame.proposal_scores, "float32"),
+            "owner": pack(owners(frame.proposals, frame.detections.boxes), "int32"),
+        },
+        "group": {
+            "point": view.previous[view.chosen].tolist(),
+            "neighbors": view.current[np.unique(view.group)].tolist(),
+        },
+    }
+    data["notes"] += [
+        f"Arrows: association displacement from frame {frame.t - 1} to {frame.t} of kept points "
+        f"with a foreground probability of at least {MIN_FOREGROUND:g}.",
+        f"Proposals: boxes of single points, within {REACH:g} m of the chosen detection; click a "
+        "detection to choose it.",
+    ]
+    return data
+
+
+def _sets(frame: NetworkFrame) -> list[dict[str, Any]]:
+    sets = [(f"Kept points of frame {frame.t - 1}", frame.earlier, EARLIER, 2.5, False)]
+    for layer, filtered, plain in zip(*frame.samplings, strict=True):
+        sets.append((f"{layer}, filtered", filtered, FILTERED, 5, False))
+        sets.append((f"{layer}, unfiltered", plain, PLAIN, 5, False))
+    return [
+        {"name": name, "xyz": pack(xyz, "float32"), "color": color, "size": size, "visible": shown}
+        for name, xyz, color, size, shown in sets
+    ]

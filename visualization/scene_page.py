@@ -1,0 +1,59 @@
+"""The scene as one HTML file that opens from disk: deck.gl, styles, scripts and data inside.
+
+deck.gl comes from the package pydeck, which ships it for use without network.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader
+
+from common.files import write_text
+
+WEB = Path(__file__).parent / "web"
+SCRIPTS = ("data.js", "dots.js", "layers.js", "network.js", "view.js", "timeline.js")
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
+"""What a browser may load: nothing but what is in the file."""
+
+
+def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:
+    """Writes the page of a scene (see `visualization.scene.scene_data`), atomically."""
+    write_text(path, scene_page(title, scene))
+    return Path(path)
+
+
+def scene_page(title: str, scene: dict[str, Any]) -> str:
+    """The page as text."""
+    data = {key: value for key, value in scene.items() if key != "notes"}
+    environment = Environment(
+        loader=FileSystemLoader(WEB), autoescape=True, trim_blocks=True, keep_trailing_newline=True
+    )
+    return environment.get_template("scene.html.j2").render(
+        title=title,
+        policy=POLICY,
+        style=_web("scene.css"),
+        notes=scene["notes"],
+        scene=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/"),
+        scripts=[deck_gl(), *map(_web, SCRIPTS)],
+    )
+
+
+@cache
+def deck_gl() -> str:
+    """The library's script, which defines `deck`; it names no other file."""
+    bundle = resources.files("pydeck") / "nbextension" / "static" / "index.js"
+    text = bundle.read_text(encoding="utf-8")
+    text = re.sub(r"//# sourceMappingURL=\S+", "", text)
+    return text.replace("</script", "<\\/script")
+
+
+def _web(name: str) -> str:
+    return (WEB / name).read_text(encoding="utf-8").rstrip()
