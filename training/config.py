@@ -26,6 +26,12 @@ class AugmentationConfig:
         2.0, "D of section IV.D: every labelled object moves by a length from [0, D] metres"
     )
     object_shift_share: float = note(0.6, "share of the samples whose objects are shifted", 0, 1)
+    pasted_objects: int = note(
+        0,
+        "objects of other training scans that are put into a sample of the detector (SECOND)",
+        0,
+        100,
+    )
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
 
-from kitti.ground import ground_mask
+from kitti.ground import GroundModel, fit_ground, ground_mask
 from kitti.objects import CLASSES
 from kitti.sequence import Sequence
+from training.object_bank import ObjectBank
+
+FRAMES_PER_ROOT = 300
+"""Frames of a data root that are searched for objects to paste: bounds time and memory."""
 
 
 class LabelledFrame(NamedTuple):
@@ -21,6 +27,7 @@ class LabelledFrame(NamedTuple):
     track_ids: np.ndarray  # (M,) int64
     ground: np.ndarray  # (n,) bool
     ignored: np.ndarray  # (n,) bool, in the image inside a DontCare region
+    ground_model: GroundModel
     other_boxes: np.ndarray  # (K, 7) float64, labelled objects of other classes
     other_ids: np.ndarray  # (K,) int64
 
@@ -42,15 +49,16 @@ def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> Labelled
     vehicles = objects.of_classes(classes)
     others = objects.of_classes([name for name in CLASSES if name not in (*classes, "DontCare")])
     names = np.array([classes.index(name) for name in vehicles.type], np.int32)
-    ground = ground_mask(points) if len(points) else np.zeros(0, bool)
+    model = fit_ground(points)
     regions = objects.of_classes(("DontCare",)).bbox
     return LabelledFrame(
         points,
         np.asarray(vehicles.boxes, np.float64).reshape(-1, 7),
         names,
         np.asarray(vehicles.track_id, np.int64),
-        ground,
+        ground_mask(points, model),
         _inside(points, sequence, regions),
+        model,
         np.asarray(others.boxes, np.float64).reshape(-1, 7),
         np.asarray(others.track_id, np.int64),
     )
@@ -72,6 +80,25 @@ class FrameReader:
     def __init__(self, sequences: list[Sequence], classes: tuple[str, ...], keep: int = 64):
         self.sequences, self.classes = sequences, classes
         self.read = lru_cache(maxsize=keep)(self._read)
+        self._lock, self._bank = Lock(), None
 
     def _read(self, index: int, t: int) -> LabelledFrame:
         return read_frame(self.sequences[index], t, self.classes)
+
+    @property
+    def bank(self) -> ObjectBank:
+        """Objects cut from the sequences, at the first use; the same for the same sequences."""
+        with self._lock:  # the input pipeline calls from several threads
+            if self._bank is None:
+                self._bank = ObjectBank.of_frames(self._frames_to_cut())
+            return self._bank
+
+    def _frames_to_cut(self) -> Iterator[tuple[str, LabelledFrame]]:
+        """`FRAMES_PER_ROOT` frames of each data root, evenly spread, with the root's name."""
+        of_root: dict[str, list[tuple[int, int]]] = {}
+        for index, t in frame_list(self.sequences):
+            of_root.setdefault(str(self.sequences[index].data_root), []).append((index, t))
+        for root, items in of_root.items():
+            count = min(len(items), FRAMES_PER_ROOT)
+            for row in np.linspace(0, len(items) - 1, count).round().astype(int):
+                yield root, self._read(*items[row])

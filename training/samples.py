@@ -15,6 +15,8 @@ from models.config import BoxCodingConfig
 from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
 from training.frames import FrameReader, LabelledFrame
+from training.object_bank import ObjectBank
+from training.pasting import paste_objects
 
 
 class DetectorSample(NamedTuple):
@@ -50,6 +52,7 @@ def no_augmentation() -> AugmentationConfig:
         dropout=0.0,
         object_shift=0.0,
         object_shift_share=0.0,
+        pasted_objects=0,
     )
 
 
@@ -95,9 +98,15 @@ def detector_sample(
     config: DetectorTrainingConfig,
     augmentation: AugmentationConfig,
     rng: np.random.Generator,
+    bank: ObjectBank | None = None,
 ) -> DetectorSample:
-    """A labelled frame -> DetectorSample; all randomness comes from rng."""
+    """A labelled frame -> DetectorSample; all randomness comes from rng.
+
+    `bank` holds the objects to paste, where `augmentation` says so.
+    """
     (frame,) = shifted([frame], augmentation, rng)
+    if bank is not None and augmentation.pasted_objects:
+        frame = paste_objects(frame, bank, augmentation.pasted_objects, rng)
     points, boxes = frame.points, frame.boxes
     labels = foreground_labels(points, boxes, frame.ground)
     rows = _choose(len(points), config.detector.num_points, augmentation.dropout, rng)
@@ -202,7 +211,8 @@ def make_detector_sample(
 ):
     """DetectorSample of frame `item`; the same for the same (seed, position in the order)."""
     rng = np.random.default_rng([config.schedule.seed, position])
-    return detector_sample(reader.read(*item), config, augmentation, rng)
+    bank = reader.bank if augmentation.pasted_objects else None
+    return detector_sample(reader.read(*item), config, augmentation, rng, bank)
 
 
 def make_pair_sample(
