@@ -12,14 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluation.detections import NetworkStream
 from kitti.calibration import Calibration
 from kitti.image_size import image_size_of
 from kitti.point_arrays import as_points
 from kitti.scans import in_camera_view
 from kitti.standard_mounting import standard_mounting
-from models.inference import FrameState, StreamingNetwork
+from models.inference import StreamingNetwork
 from models.weights import load_networks
-from tracking import Tracks, make_tracker
+from tracking import Tracks, make_tracker, track_frame
 
 __all__ = ["Tracker", "Tracks"]
 
@@ -51,14 +52,11 @@ class Tracker:
         image_size: tuple[int, int] | None = None,
         **parameters: float,
     ):
-        self.network = network
         self.calib = standard_mounting() if calib is None else calib
         self.image_size = image_size_of(self.calib, image_size)
         self.dropped = 0  # points of the last scan, see `update`
-        self.class_names = np.array(network.detector.config.box.classes)
-        self._association = make_tracker("pointtracknet", **parameters)
-        self._previous: FrameState | None = None
-        self._type_of: dict[int, str] = {}
+        self._stream = NetworkStream(network)
+        self._tracker = make_tracker("pointtracknet", **parameters)
         self.frame = 0
 
     @classmethod
@@ -86,7 +84,7 @@ class Tracker:
         return points[in_camera_view(points, self.calib, self.image_size)].astype(np.float32)
 
     def update(self, points: np.ndarray) -> Tracks:
-        """Takes the next scan and returns the tracks that are to be reported for it.
+        """Takes the next scan and returns its tracks.
 
         Args:
             points: (n, >=3), Velodyne frame (x ahead, y left, z up), metres; n may be 0 for a
@@ -95,31 +93,13 @@ class Tracker:
                 m) are dropped; `dropped` is their number.
 
         Returns:
-            Tracks: boxes (T, 7) in the level frame, ids, scores. `types` tells their classes.
+            Tracks: boxes (T, 7) in the level frame, ids, scores, types.
 
         Raises:
             InputError: another shape or type, or no finite point at all; the scan then counts as
                 not given, and the next one is tracked as if it followed the last good one.
         """
         points, self.dropped = as_points(points)
-        state = self.network.detect(self.points_level(points), self.frame)
-        cues = {}
-        if self._previous is not None:
-            cues = {
-                "points": self._previous.points,
-                "displacement": self.network.displacement(self._previous, state),
-                "foreground": self._previous.foreground,
-            }
-        found = state.detections
-        self._association.predict()
-        tracks = self._association.update(found.boxes, found.scores, frame=self.frame, **cues)
-        for track_id, row in zip(tracks.ids.tolist(), tracks.detections.tolist(), strict=True):
-            if row >= 0:
-                self._type_of[track_id] = str(self.class_names[found.classes[row]])
-        self._previous = state
+        detections = self._stream.detect(self.points_level(points), self.frame)
         self.frame += 1
-        return tracks
-
-    def types(self, tracks: Tracks) -> np.ndarray:
-        """(T,) class names of tracks that this tracker returned."""
-        return np.array([self._type_of[i] for i in tracks.ids.tolist()], "<U16")
+        return track_frame(self._tracker, detections)

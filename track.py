@@ -19,7 +19,7 @@ from common import flags
 from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
-from kitti.boxes import project_boxes
+from evaluation.tracking_loop import result_rows
 from kitti.calibration import read_calibration
 from kitti.camera_view import check_view
 from kitti.image_size import describe_image_size, parse_image_size
@@ -32,7 +32,6 @@ from kitti.standard_mounting import standard_mounting
 from kitti.track_files import WRITERS, parse_formats, write_tracks
 
 PROBED_SCANS = 3
-NOT_IN_IMAGE = 0.0  # as in evaluation.tracking_loop
 DEFAULT_NAME = "tracks"
 
 
@@ -90,23 +89,11 @@ def track_scans(tracker, scans: Scans, each_frame: Callable[[], None] = lambda: 
 
     tracker: a `pointtracknet.Tracker`. Raises InputError for a broken scan.
     """
-    parts = [Objects.empty()]
+    frames = []
     for frame in scans.frames:
-        tracks = tracker.update(scans.points(frame))
-        bbox = project_boxes(tracks.boxes, tracker.calib, tracker.image_size)
-        bbox = np.where(np.isnan(bbox), NOT_IN_IMAGE, bbox)
-        parts.append(
-            Objects.from_boxes(
-                frame,
-                tracks.ids,
-                tracks.boxes,
-                tracks.scores,
-                kind=tracker.types(tracks),
-                bbox=bbox,
-            )
-        )
+        frames.append((frame, tracker.update(scans.points(frame))))
         each_frame()
-    return Objects.concatenate(parts)
+    return result_rows(frames, tracker.calib, tracker.image_size)
 
 
 def draw(

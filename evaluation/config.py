@@ -15,7 +15,7 @@ from metrics.protocols import BEST, PROTOCOLS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
-TRACKERS = ("gt_displacement", "sort", "deep_sort", "ab3dmot", "pointtracknet")
+TRACKERS = ("gt_displacement", "sort", "sort_image", "deep_sort", "ab3dmot", "pointtracknet")
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,14 @@ from common.files import write_json, write_text
 from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
+from evaluation.detections import (
+    DetectionFiles,
+    DetectionProvider,
+    LabelBoxes,
+    NetworkDetections,
+    check_folder,
+)
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource, DetectionFiles, GroundTruthBoxes, check_folder
 from evaluation.submission import SUBMISSION, write_submission
 from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
@@ -24,6 +30,7 @@ from kitti.object_shift import ObjectShift
 from kitti.sequence import open_sequences
 from metrics.comparison import track_scores
 from metrics.protocols import Entry, evaluate_protocol
+from tracking import make_tracker
 
 TRACKS = "tracks"
 _RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
@@ -32,14 +39,14 @@ _RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
 def evaluate(
     config: EvaluateConfig,
     model: ObjectShift | None = None,
-    source: BoxSource | None = None,
+    provider: DetectionProvider | None = None,
 ) -> dict[str, Any]:
     """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
 
     Args:
         config: what to do.
         model: the displacement, where it is not the default reading of the paper.
-        source: the boxes that `config` describes, where they are at hand already (recorded).
+        provider: of the detections that `config` describes, in place of a new one (a cache).
 
     Raises:
         InputError: bad input; nothing is under a final name in `out` then.
@@ -50,7 +57,7 @@ def evaluate(
         model = ObjectShift(distance=config.displacement, seed=config.seed)
     sequences = open_sequences(config.data_root, config.seqs, config.subset)
     scenes = [Scene(sequence, model) for sequence in sequences]
-    results = _results(config, scenes, source)
+    results = _results(config, scenes, provider)
     figures = score(config, scenes, results)
     record = {"run": provenance(config=config.record(), data=_data(config, scenes)), **figures}
     if config.out is not None:
@@ -79,43 +86,43 @@ def score(
     }
 
 
-def make_source(config: EvaluateConfig, scenes: list[Scene]) -> BoxSource:
-    """The box source that `--detections` names, with the networks' view where it is needed."""
-    source = None
+def make_provider(config: EvaluateConfig, scenes: list[Scene]) -> DetectionProvider:
+    """The provider that `--detections` names, with the networks' motion where it is needed."""
+    provider = None
     if config.detections == GROUND_TRUTH:
-        source = GroundTruthBoxes(config.classes)
+        provider = LabelBoxes(config.classes)
     elif config.detections != NETWORK:
-        source = DetectionFiles(config.detections, scenes, config.classes)
+        provider = DetectionFiles(config.detections, scenes, config.classes)
     if not config.needs_network:
-        return source
-    from evaluation.network import NetworkBoxes  # TensorFlow only where it is needed
-
-    return NetworkBoxes.load(config.weights, source)
+        return provider
+    return NetworkDetections.load(config.weights, provider)
 
 
 def run_tracker(
-    config: EvaluateConfig, scenes: list[Scene], source: BoxSource | None = None
+    config: EvaluateConfig, scenes: list[Scene], provider: DetectionProvider | None = None
 ) -> dict[str, Objects]:
     """Result rows of every scene, by name."""
     for scene in scenes:
         scene.check()
-    if source is None:
-        source = make_source(config, scenes)
+    if provider is None:
+        provider = make_provider(config, scenes)
     with Progress(sum(scene.num_frames for scene in scenes), config.tracker, "frames") as bar:
         return {
-            scene.name: track_scene(scene, source, config.tracker, config.classes, bar.update)
+            scene.name: track_scene(
+                scene, provider, make_tracker(config.tracker), config.classes, bar.update
+            )
             for scene in scenes
         }
 
 
 def _results(
-    config: EvaluateConfig, scenes: list[Scene], source: BoxSource | None
+    config: EvaluateConfig, scenes: list[Scene], provider: DetectionProvider | None
 ) -> dict[str, Objects]:
     """What is evaluated: always the rows as a result file has them, rounding included."""
     if config.results is not None:
         check_folder(config.results)
         return _read(config.results, scenes)
-    tracked = run_tracker(config, scenes, source)
+    tracked = run_tracker(config, scenes, provider)
     if isinstance(config.score_threshold, float):
         tracked = {
             name: rows[track_scores(rows) >= config.score_threshold]

@@ -11,27 +11,28 @@ from typing import Any
 import numpy as np
 
 from evaluation.config import NETWORK, EvaluateConfig
-from evaluation.recording import RecordedNetwork
+from evaluation.detections import DetectionProvider
+from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource, Detected
 from kitti.object_shift import ObjectShift
 from kitti.sequence import open_sequences
+from tracking import FrameDetections
 
 SIDE_BY_SIDE = ("pointtracknet", "sort", "deep_sort", "ab3dmot")
 
 
-class TimedSource:
-    """A box source that measures how long its reader takes between two frames."""
+class TimedDetections:
+    """A detection provider that measures how long its reader takes between two frames."""
 
-    def __init__(self, source: BoxSource):
-        self.source, self.seconds, self.count = source, 0.0, 0
+    def __init__(self, provider: DetectionProvider):
+        self.provider, self.seconds, self.count = provider, 0.0, 0
 
-    def frames(self, scene: Scene) -> Iterator[Detected]:
-        """See `BoxSource.frames`."""
-        for detected in self.source.frames(scene):
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        for detections in self.provider.frames(scene):
             start = perf_counter()
-            yield detected
+            yield detections
             self.seconds += perf_counter() - start
             self.count += 1
 
@@ -50,24 +51,24 @@ def displaced_scenes(config: EvaluateConfig) -> list[Scene]:
     return [Scene(sequence, model) for sequence in sequences]
 
 
-def network_seconds(recorded: RecordedNetwork, scenes: list[Scene]) -> dict[str, float]:
+def network_seconds(cached: CachedPredictions, scenes: list[Scene]) -> dict[str, float]:
     """Mean time per frame of the detector's pass and of the tracker's."""
-    detect, displace = np.concatenate([recorded.seconds(scene) for scene in scenes]).mean(axis=0)
+    detect, displace = np.concatenate([cached.seconds(scene) for scene in scenes]).mean(axis=0)
     return {"detect": float(detect), "displacement": float(displace)}
 
 
-def evaluate_recorded(
-    config: EvaluateConfig, recorded: RecordedNetwork, tracker: str, out: Path
+def evaluate_cached(
+    config: EvaluateConfig, cached: CachedPredictions, tracker: str, out: Path
 ) -> dict[str, Any]:
-    """One tracker on recorded boxes: what `evaluate` returns and writes to `out`, and its times.
+    """One tracker on cached detections: what `evaluate` returns and writes to `out`, and its times.
 
     `seconds_per_frame` holds the network's passes that this tracker needs (the baselines need no
     displacement), the tracker's own time, and their sum `total`.
     """
-    timed = TimedSource(recorded)
+    timed = TimedDetections(cached)
     config = replace(config, detections=NETWORK, tracker=tracker, out=out)
-    record = evaluate(config, source=timed)
-    network = network_seconds(recorded, displaced_scenes(config))
+    record = evaluate(config, provider=timed)
+    network = network_seconds(cached, displaced_scenes(config))
     if tracker != "pointtracknet":
         network["displacement"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}

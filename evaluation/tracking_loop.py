@@ -1,67 +1,86 @@
-"""Runs a tracker over a scene and puts its tracks into rows of a result file."""
+"""Tracks a scene, and makes result-file rows of the tracks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
+from evaluation.detections import DetectionProvider
 from evaluation.scene import Scene
-from evaluation.sources import BoxSource, motion_of
 from kitti.boxes import project_boxes
+from kitti.calibration import Calibration
 from kitti.labels import Objects
-from tracking import (
-    TrueDisplacement,
-    assign_label_ids,
-    geometric_appearance,
-    make_tracker,
-)
+from tracking import FrameContext, LabelMotion, MultiObjectTracker, Tracks, track_frame
 
 NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D figures off
 
 
 def track_scene(
     scene: Scene,
-    source: BoxSource,
-    tracker_name: str,
-    classes: tuple[str, ...],
+    provider: DetectionProvider,
+    tracker: MultiObjectTracker,
+    classes: Sequence[str],
     each_frame: Callable[[], None] = lambda: None,
 ) -> Objects:
-    """Tracks of one scene, a row per reported box, 2-D boxes projected with P2 and clipped.
+    """Tracks of one scene, a row per reported box.
 
     Args:
-        scene: what is tracked.
-        source: its boxes.
-        tracker_name: of `tracking.make_tracker`; a new tracker with ids from 0.
-        classes: of the labels that tell the true displacement.
+        scene: the sequence.
+        provider: its detections.
+        tracker: a new one.
+        classes: of the labels whose motion the upper bound of Algorithm 1 takes.
         each_frame: called after each frame (a progress bar).
     """
-    tracker = make_tracker(tracker_name)
-    cues = Cues(tracker_name, scene, classes)
-    parts: list[tuple[np.ndarray, ...]] = []
-    type_of: dict[int, str] = {}
-    for t, boxes, scores, extras in source.frames(scene):
-        tracker.predict()
-        tracks = tracker.update(boxes, scores, frame=t, **cues.at(t, boxes, extras))
-        for track_id, row in zip(tracks.ids.tolist(), tracks.detections.tolist(), strict=True):
-            if row >= 0:
-                type_of[track_id] = str(extras["types"][row])
-        types = np.array([type_of[track_id] for track_id in tracks.ids.tolist()], "<U16")
-        parts.append((np.full(len(tracks), t), tracks.ids, tracks.boxes, tracks.scores, types))
+    labels = scene.objects.of_classes(classes)
+    frames = []
+    for detections in provider.frames(scene):
+        context = SceneFrame(scene, labels, detections.t)
+        frames.append((detections.t, track_frame(tracker, detections, context)))
         each_frame()
-    return _rows(scene, parts)
+    return result_rows(frames, scene.sequence.calib, scene.sequence.image_size)
 
 
-def _rows(scene: Scene, parts: list[tuple[np.ndarray, ...]]) -> Objects:
-    if not sum(len(part[0]) for part in parts):
-        return Objects.empty()
-    frame, ids, boxes, scores, types = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
+class SceneFrame(FrameContext):
+    """Frame t of a scene: motion of sensor and labels, scan and image boxes, made on access."""
+
+    def __init__(self, scene: Scene, labels: Objects, t: int):
+        self.scene, self.labels, self.t = scene, labels, t
+
+    @property
+    def ego_motion(self) -> np.ndarray | None:
+        """See `FrameContext`."""
+        motions = self.scene.ego_motions
+        return None if motions is None else motions[self.t]
+
+    @cached_property
+    def label_motion(self) -> LabelMotion:
+        """See `FrameContext`."""
+        before, now = self.labels.at(self.t - 1), self.labels.at(self.t)
+        return LabelMotion(before.boxes, before.track_id, now.boxes, now.track_id)
+
+    @property
+    def scan(self) -> np.ndarray | None:
+        """See `FrameContext`."""
+        return self.scene.points(self.t)
+
+    def image_boxes(self, boxes: np.ndarray) -> np.ndarray:
+        """See `FrameContext`."""
+        return project_boxes(boxes, self.scene.sequence.calib, self.scene.sequence.image_size)
+
+
+def result_rows(
+    frames: Sequence[tuple[int, Tracks]], calib: Calibration, image_size: tuple[int, int]
+) -> Objects:
+    """Rows of (frame number, tracks) in order; 2-D boxes projected with P2 and clipped."""
+    rows = Objects.concatenate(
+        Objects.from_boxes(t, tracks.ids, tracks.boxes, tracks.scores, kind=tracks.types)
+        for t, tracks in frames
     )
-    bbox = project_boxes(boxes, scene.sequence.calib, scene.sequence.image_size)
-    bbox = keep_last_seen(ids, bbox)
-    return Objects.from_boxes(frame, ids, boxes, scores, kind=types, bbox=bbox)
+    bbox = keep_last_seen(rows.track_id, project_boxes(rows.boxes, calib, image_size))
+    return replace(rows, bbox=bbox)
 
 
 def keep_last_seen(ids: np.ndarray, bbox: np.ndarray) -> np.ndarray:
@@ -78,52 +97,3 @@ def keep_last_seen(ids: np.ndarray, bbox: np.ndarray) -> np.ndarray:
         else:
             filled[row] = bbox[last[track_id]] if track_id in last else NEVER_SEEN
     return filled
-
-
-class Cues:
-    """What a tracker is told besides boxes and scores: each tracker its own.
-
-    `gt_displacement` gets the labels' true motion, `deep_sort` an appearance vector where the
-    source or a scan gives one, `ab3dmot` the sensor's motion where poses exist, `pointtracknet`
-    the network's points and displacements.
-    """
-
-    def __init__(self, tracker_name: str, scene: Scene, classes: tuple[str, ...]):
-        self.scene = scene
-        makers = {
-            "gt_displacement": self._true_motion,
-            "deep_sort": self._appearance,
-            "ab3dmot": self._ego_motion,
-            "pointtracknet": self._predicted_motion,
-        }
-        self._make = makers.get(tracker_name, lambda *_: {})
-        self._labels = scene.objects.of_classes(classes)
-        self._before = Objects.empty()
-
-    def at(self, t: int, boxes: np.ndarray, extras: dict[str, Any]) -> dict[str, Any]:
-        """Keyword arguments for `Tracker.update` in frame t; frames come in order."""
-        return self._make(t, boxes, extras)
-
-    def _true_motion(self, t, boxes, extras):
-        now, before = self._labels.at(t), self._before
-        self._before = now
-        ids = extras.get("label_ids")
-        return {
-            "box_displacement": TrueDisplacement(
-                before.boxes, before.track_id, now.boxes, now.track_id
-            ),
-            "ids": assign_label_ids(boxes, now.boxes, now.track_id) if ids is None else ids,
-        }
-
-    def _appearance(self, t, boxes, extras):
-        if "appearance" in extras:
-            return {"appearance": extras["appearance"]}
-        points = self.scene.points(t)
-        return {} if points is None else {"appearance": geometric_appearance(points, boxes)}
-
-    def _ego_motion(self, t, _boxes, _extras):
-        motions = self.scene.ego_motions
-        return {} if motions is None else {"ego_motion": motions[t]}
-
-    def _predicted_motion(self, _t, _boxes, extras):
-        return motion_of(extras)

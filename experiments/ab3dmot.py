@@ -14,7 +14,7 @@ from typing import Any
 
 from common import flags
 from evaluation.config import EvaluateConfig
-from evaluation.run import check_writable, make_source
+from evaluation.run import check_writable, make_provider
 from evaluation.scene import Scene
 from evaluation.table import markdown
 from evaluation.tracking_loop import track_scene
@@ -23,6 +23,7 @@ from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences, sequence_name
 from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, metrics_of
+from tracking import make_tracker
 
 SPACES = {
     "3-D IoU 0.25": ("3d", 0.25),
@@ -62,11 +63,12 @@ def _tracked(args) -> tuple[list[Entry], bool]:
         tracker="ab3dmot",
     )
     scenes = [Scene(sequence) for sequence in open_sequences(config.data_root, config.seqs)]
-    source = make_source(config, scenes)
-    entries = [
-        Entry(s.name, s.num_frames, s.objects, track_scene(s, source, "ab3dmot", config.classes))
-        for s in scenes
-    ]
+    provider = make_provider(config, scenes)
+
+    def track(scene):
+        return track_scene(scene, provider, make_tracker("ab3dmot"), config.classes)
+
+    entries = [Entry(s.name, s.num_frames, s.objects, track(s)) for s in scenes]
     return entries, all(scene.ego_motions is not None for scene in scenes)
 
 

@@ -23,10 +23,10 @@ from common.config import add_flags, to_dict
 from common.errors import InputError
 from common.files import write_bytes, write_json
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_threshold
-from evaluation.recording import RecordedNetwork, TrueBoxes
+from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
+from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
 from evaluation.side_by_side import displaced_scenes
-from evaluation.sources import BoxSource
 from evaluation.table import markdown
 from experiments.cli import write
 from experiments.demonstration import DemoConfig
@@ -80,7 +80,7 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
     add = parser.add_argument
     add_data_flags(parser)
     add("--detector", type=Path, required=True, help="checkpoint of the frozen detector")
-    add("--workdir", type=Path, required=True, help="trainings, weights and recordings go here")
+    add("--workdir", type=Path, required=True, help="trainings, weights and network_cache go here")
     add("--out", type=Path, required=True, help=f"folder of {table.name}.md and {table.name}.json")
     add("--smoke", action="store_true", help="a few steps a row, to see that it runs")
     add("--deterministic", action="store_true", help="the same bits in every run")
@@ -154,7 +154,7 @@ def _at_its_end(checkpoints, epochs: int) -> bool:
 
 def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     """`clear3d` for either kind of boxes at each displacement, and the end-point error there."""
-    recorded = RecordedNetwork(folder / "recordings", folder / "weights")
+    cached = CachedPredictions(folder / "network_cache", folder / "weights")
     figures = []
     for distance in DISTANCES:
         config = EvaluateConfig(
@@ -165,10 +165,13 @@ def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
             displacement=distance,
         )
         scenes = displaced_scenes(config)
-        recorded.record_all(scenes, f"D = {distance:g} m")
-        errors = np.concatenate([end_point_errors(scene, recorded) for scene in scenes])
-        sources: dict[str, BoxSource] = {NETWORK: recorded, GROUND_TRUTH: TrueBoxes(recorded)}
-        for boxes, source in sources.items():
+        cached.fill_all(scenes, f"D = {distance:g} m")
+        errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
+        providers: dict[str, DetectionProvider] = {
+            NETWORK: cached,
+            GROUND_TRUTH: LabelBoxesWithPredictedMotion(cached),
+        }
+        for boxes, provider in providers.items():
             chosen = replace(
                 config,
                 detections=boxes,
@@ -180,7 +183,7 @@ def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
                     "boxes": boxes,
                     "displacement": distance,
                     "end_point_error": float(errors.mean()) if len(errors) else None,
-                    "clear3d": evaluate(chosen, source=source)["clear3d"]["overall"],
+                    "clear3d": evaluate(chosen, provider=provider)["clear3d"]["overall"],
                 }
             )
     return figures

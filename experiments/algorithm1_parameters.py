@@ -3,7 +3,7 @@
     python -m experiments.algorithm1_parameters --data_root KITTI --detections DIR --out DIR
 
 The boxes are detections of a file detector; their displacement is the labels' own plus Gaussian
-noise in the ground plane, which stands for a network that is not perfect. An object that is lost
+noise in the ground plane, which simulates an imperfect network. An object that is lost
 has no points in its box, so its displacement is unknown. Writes table.md and metrics.json.
 """
 
@@ -20,15 +20,15 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, non_negative_int, run
 from common.progress import progress
 from common.provenance import provenance
-from kitti.detections import read_detections
-from kitti.labels import Objects
-from kitti.sequence import Sequence as KittiSequence
+from evaluation.detections import DetectionFiles
+from evaluation.scene import Scene
+from evaluation.tracking_loop import track_scene
+from kitti.labels import VEHICLES
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
 from metrics.protocols import Entry, evaluate_protocol
-from tracking import TrueDisplacement, assign_label_ids, make_tracker
+from tracking.association_to_trajectory import AssociationByLabels, AssociationParameters
 
-VEHICLES = ("Car", "Van")
 COLUMNS = ("MOTA", "MT", "IDS", "FRAG", "FP", "FN")
 
 
@@ -52,28 +52,20 @@ TRIALS = (
 )
 
 
-def track(
-    sequence: KittiSequence, detections: Objects, trial: Trial, rng: np.random.Generator
-) -> Objects:
-    """Algorithm 1 over one sequence; result rows of class Car."""
-    tracker, labels = make_tracker("pointtracknet", **trial.parameters), Objects.empty()
-    all_labels, parts = sequence.objects.of_classes(VEHICLES), []
-    for t in sequence.frames:
-        found, before, labels = detections.at(t), labels, all_labels.at(t)
-        true = TrueDisplacement(before.boxes, before.track_id, labels.boxes, labels.track_id)
+class NoisyLabels(AssociationByLabels):
+    """Algorithm 1 whose displacement is the labels' motion plus Gaussian noise in x and y."""
 
-        def noisy(boxes, ids, true=true):
-            motion = true(boxes, ids)
-            motion[:, :2] += rng.normal(0.0, trial.noise, (len(motion), 2))
-            lost = [one.time_since_update > 1 for one in tracker.life.tracks]
-            motion[np.array(lost, bool)] = np.nan
-            return motion
+    def __init__(self, trial: Trial, rng: np.random.Generator):
+        super().__init__(AssociationParameters(**trial.parameters))
+        self.noise, self.rng = trial.noise, rng
 
-        ids = assign_label_ids(found.boxes, labels.boxes, labels.track_id)
-        tracker.predict()
-        tracks = tracker.update(found.boxes, found.score, ids=ids, box_displacement=noisy, frame=t)
-        parts.append(Objects.from_boxes(t, tracks.ids, tracks.boxes, tracks.scores))
-    return Objects.concatenate(parts)
+    def box_displacement(self, boxes, detections, context) -> np.ndarray:
+        """(T, 3) metres; NaN for a lost object, which has no points in its box."""
+        motion = super().box_displacement(boxes, detections, context)
+        motion[:, :2] += self.rng.normal(0.0, self.noise, (len(motion), 2))
+        lost = [track.time_since_update > 1 for track in self.life.tracks]
+        motion[np.array(lost, bool)] = np.nan
+        return motion
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -88,15 +80,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     add("--out", type=Path, required=True, help="folder of the results")
     args = parser.parse_args(argv)
     sequences = open_sequences(args.data_root, parse_sequences(args.seqs), "training")
-    found = [read_detections(args.detections / f"{s.name}.txt", s.num_frames) for s in sequences]
-    found = [objects[objects.score >= args.min_score] for objects in found]
+    scenes = [Scene(sequence) for sequence in sequences]
+    provider = DetectionFiles(args.detections, scenes, VEHICLES, args.min_score)
     rows = []
     for trial in progress(TRIALS, len(TRIALS), "algorithm 1", "trials"):
         entries = []
-        for sequence, detections in zip(sequences, found, strict=True):
-            rng = np.random.default_rng([args.seed, int(sequence.name)])
-            results = track(sequence, detections, trial, rng)
-            entries.append(Entry(sequence.name, sequence.num_frames, sequence.objects, results))
+        for scene in scenes:
+            tracker = NoisyLabels(trial, np.random.default_rng([args.seed, int(scene.name)]))
+            results = track_scene(scene, provider, tracker, VEHICLES)
+            entries.append(Entry(scene.name, scene.num_frames, scene.objects, results))
         rows.append((trial, evaluate_protocol("clear3d", entries, classes=VEHICLES)["overall"]))
     lines = [f"| displacement noise | parameters | {' | '.join(COLUMNS)} |"]
     lines.append("|---" * (2 + len(COLUMNS)) + "|")

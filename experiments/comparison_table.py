@@ -21,7 +21,7 @@ def comparison_rows(records: Mapping[float, Mapping[str, Any]], ours: str) -> li
     """Rows with their class, "ours" (PointTrackNet), "paper" or "".
 
     Args:
-        records: displacement -> tracker -> what `evaluate_recorded` returned.
+        records: displacement -> tracker -> what `evaluate_cached` returned.
         ours: name of our data in the third column, such as "ours, simulated".
     """
     rows: list[Row] = []

@@ -15,10 +15,10 @@ from common.files import write_json, write_text
 from common.provenance import provenance
 from common.steps import Steps, key_of
 from evaluation.config import NETWORK, EvaluateConfig
-from evaluation.recording import RecordedNetwork
+from evaluation.network_cache import CachedPredictions
 from evaluation.run import TRACKS, check_writable
 from evaluation.scene import Scene
-from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_recorded
+from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_cached
 from experiments.comparison_table import HEADER, comparison_markdown, comparison_rows
 from kitti.labels import read_results
 from simulator.__main__ import OWN_SEQUENCES
@@ -84,7 +84,7 @@ class Demo:
 
     def __init__(self, config: DemoConfig):
         self.config, self.steps = config, Steps(config.out)
-        self.recorded = RecordedNetwork(config.out / "recordings", config.weights)
+        self.cached = CachedPredictions(config.out / "network_cache", config.weights)
         self.simulated = config.data_root is None
         self.data_root = config.out / "data" if self.simulated else config.data_root
         first = OWN_SEQUENCES["val"][0]
@@ -117,16 +117,16 @@ class Demo:
 
     def record(self) -> None:
         """One pass of the networks over every scene."""
-        kept = [self.recorded.path(scene) for scenes in self.scenes.values() for scene in scenes]
-        for path in self.recorded.folder.glob("*.npz"):
+        kept = [self.cached.path(scene) for scenes in self.scenes.values() for scene in scenes]
+        for path in self.cached.folder.glob("*.npz"):
             if path not in kept:  # of other weights, data or code
                 path.unlink()
         for distance, scenes in self.scenes.items():
-            self.recorded.record_all(scenes, f"networks, D = {distance:g} m")
+            self.cached.fill_all(scenes, f"networks, D = {distance:g} m")
 
     def evaluate(self, distance: float) -> dict[str, Any]:
         """Every tracker on the same boxes: tracker -> its record."""
-        boxes = [self.recorded.path(scene).name for scene in self.scenes[distance]]
+        boxes = [self.cached.path(scene).name for scene in self.scenes[distance]]
         config = self.evaluation(distance)
         key = key_of(boxes, config, sources=TRACKING_SOURCES)
         records = {}
@@ -141,7 +141,7 @@ class Demo:
     def _evaluation(self, distance: float, tracker: str, path: Path) -> Callable[[], None]:
         def make():
             config = self.evaluation(distance)
-            write_json(path, evaluate_recorded(config, self.recorded, tracker, path.parent))
+            write_json(path, evaluate_cached(config, self.cached, tracker, path.parent))
 
         return make
 

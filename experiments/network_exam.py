@@ -22,10 +22,11 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, positive_int, run
 from common.provenance import provenance
 from evaluation.config import EvaluateConfig
-from evaluation.recording import RecordedNetwork, TrueBoxes
+from evaluation.detections import LabelBoxesWithPredictedMotion
+from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_recorded
+from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_cached
 from experiments.runs import shown
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
@@ -39,7 +40,7 @@ MIN_IOUS = (0.25, 0.5)
 MANY_POINTS = 50
 
 
-def box_counts(scene: Scene, recorded: RecordedNetwork, min_score: float) -> dict[str, int]:
+def box_counts(scene: Scene, cached: CachedPredictions, min_score: float) -> dict[str, int]:
     """Matched, labelled and found boxes of a scene, one-to-one by largest IoU, vehicles only."""
     counts = dict.fromkeys(
         [
@@ -50,10 +51,10 @@ def box_counts(scene: Scene, recorded: RecordedNetwork, min_score: float) -> dic
         ],
         0,
     )
-    for t, boxes, scores, _ in recorded.frames(scene):
-        boxes = boxes[scores >= min_score]
-        truth = scene.objects.at(t).of_classes(VEHICLES).boxes
-        points = scene.points(t)
+    for found in cached.frames(scene):
+        boxes = found.boxes[found.scores >= min_score]
+        truth = scene.objects.at(found.t).of_classes(VEHICLES).boxes
+        points = scene.points(found.t)
         owner = np.zeros(0, int) if points is None else points_in_boxes(points, truth)
         many = np.bincount(owner[owner >= 0], minlength=len(truth)) >= MANY_POINTS
         counts["boxes"] += len(truth)
@@ -67,11 +68,12 @@ def box_counts(scene: Scene, recorded: RecordedNetwork, min_score: float) -> dic
     return counts
 
 
-def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
+def end_point_errors(scene: Scene, cached: CachedPredictions) -> np.ndarray:
     """(P,) metres: error of the displacement at every kept foreground point (ground left out)."""
     errors = [np.zeros(0)]
-    for t, _, _, extras in recorded.frames(scene):
-        if not len(extras.get("points", ())):
+    for found in cached.frames(scene):
+        t = found.t
+        if found.points is None or not len(found.points):
             continue
         before = scene.objects.at(t - 1).of_classes(VEHICLES)
         now = scene.objects.at(t).of_classes(VEHICLES)
@@ -79,18 +81,18 @@ def end_point_errors(scene: Scene, recorded: RecordedNetwork) -> np.ndarray:
             before.boxes, before.track_id, now.boxes, now.track_id
         )
         ground = fit_ground(scene.points(t - 1))
-        owner = foreground_labels(extras["points"], before.boxes, ground)
+        owner = foreground_labels(found.points, before.boxes, ground)
         inside = (owner >= 0) & np.append(valid, False)[owner]
-        errors.append(np.linalg.norm(extras["displacement"][inside] - truth[owner[inside]], axis=1))
+        errors.append(np.linalg.norm(found.displacement[inside] - truth[owner[inside]], axis=1))
     return np.concatenate(errors)
 
 
-def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dict[str, Any]:
+def examine(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dict[str, Any]:
     """All figures at one displacement and seed; what the trackers gave goes into `out`."""
     scenes, distance = displaced_scenes(config), config.displacement
-    recorded.record_all(scenes, f"networks, D = {distance:g} m, seed {config.seed}")
+    cached.fill_all(scenes, f"networks, D = {distance:g} m, seed {config.seed}")
     threshold = float(config.score_threshold or 0.0)
-    counts = [box_counts(scene, recorded, threshold) for scene in scenes]
+    counts = [box_counts(scene, cached, threshold) for scene in scenes]
     total = {key: sum(c[key] for c in counts) for key in counts[0]}
     figures: dict[str, Any] = {}
     for i in MIN_IOUS:
@@ -99,15 +101,15 @@ def examine(config: EvaluateConfig, recorded: RecordedNetwork, out: Path) -> dic
             total[f"hits_50@{i}"], total["boxes_50"]
         )
         figures[f"precision@{i}"] = _ratio(total[f"hits@{i}"], total["found"])
-    errors = np.concatenate([end_point_errors(scene, recorded) for scene in scenes])
+    errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
     figures["end-point error (m)"] = float(errors.mean()) if len(errors) else None
     for min_iou in MIN_IOUS:
         for tracker in SIDE_BY_SIDE:
             chosen = replace(config, iou=min_iou)
-            record = evaluate_recorded(chosen, recorded, tracker, out / f"{tracker}-{min_iou}")
+            record = evaluate_cached(chosen, cached, tracker, out / f"{tracker}-{min_iou}")
             figures[f"MOTA@{min_iou}, {tracker}"] = record["clear3d"]["overall"]["MOTA"]
     chosen = replace(config, detections="gt", score_threshold=None, out=out / "gt")
-    record = evaluate(chosen, source=TrueBoxes(recorded))
+    record = evaluate(chosen, provider=LabelBoxesWithPredictedMotion(cached))
     figures["MOTA@0.5, pointtracknet on true boxes"] = record["clear3d"]["overall"]["MOTA"]
     return figures
 
@@ -146,7 +148,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=positive_int, default=1, help="of the displacement")
     parser.add_argument("--out", type=Path, default=Path("results/exam"), metavar="DIR")
     flags = parser.parse_args(argv)
-    recorded = RecordedNetwork(flags.out / "recordings", flags.weights)
+    cached = CachedPredictions(flags.out / "network_cache", flags.weights)
     columns: dict[float, list[dict[str, Any]]] = {}
     for distance, seeds in ((0.0, 1), (2.0, flags.seeds)):
         for seed in range(seeds):
@@ -161,7 +163,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 score_threshold=flags.score_threshold,
             )
             out = flags.out / f"D{distance:g}-seed{seed}"
-            columns.setdefault(distance, []).append(examine(config, recorded, out))
+            columns.setdefault(distance, []).append(examine(config, cached, out))
     record = provenance(config=config.record())
     text = table(columns, record["command"])
     print(text, end="")

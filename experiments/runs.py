@@ -13,11 +13,12 @@ from typing import Any
 
 from common.progress import Progress
 from evaluation.config import GROUND_TRUTH, EvaluateConfig
-from evaluation.run import make_source, score
+from evaluation.run import make_provider, score
 from evaluation.scene import Scene
 from evaluation.tracking_loop import track_scene
 from kitti.object_shift import DEFAULT_READING, ObjectShift
 from kitti.sequence import open_sequences
+from tracking import make_tracker
 
 WORKERS = 2
 NICE = 5
@@ -61,8 +62,10 @@ def measure(run: Run) -> dict[str, Any]:
     if run.displacement:
         model = ObjectShift(run.displacement, run.seed, run.length, run.hold)
     scenes = [Scene(sequence, model) for sequence in open_sequences(run.data_root, run.seqs)]
-    source = make_source(config, scenes)
-    results = {s.name: track_scene(s, source, run.tracker, run.classes) for s in scenes}
+    provider = make_provider(config, scenes)
+    results = {
+        s.name: track_scene(s, provider, make_tracker(run.tracker), run.classes) for s in scenes
+    }
     return score(config, scenes, results)["clear3d"]["overall"]
 
 

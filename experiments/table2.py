@@ -15,6 +15,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -157,8 +158,8 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
     def wait(terms):
         return float(terms["loss"])
 
-    alone = median_seconds(lambda: wait(step(same)), repeats)
-    piped = median_seconds(lambda: wait(step(next(batches))), repeats)
+    alone = median_seconds(lambda: wait(step(same, True)), repeats)
+    piped = median_seconds(lambda: wait(step(next(batches), True)), repeats)
     return {
         "step of training, one batch again": alone / schedule.batch_size,
         "step of training, input pipeline included": piped / schedule.batch_size,
@@ -181,22 +182,20 @@ def resized(networks, num_points: int, num_kept_points: int):
 
 def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
     """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
+    from evaluation.detections import NetworkStream
     from models.inference import StreamingNetwork
-    from tracking import make_tracker
+    from tracking import make_tracker, track_frame
 
     times = {}
     with Progress(len(PAPER), "N, N'", "setting") as bar:
         for n, kept in PAPER:
             network = StreamingNetwork(*resized(networks, n, kept))
-            tracker, state = make_tracker("pointtracknet"), [network.detect(scans[0], 0)]
+            tracker, stream, frame = make_tracker("pointtracknet"), NetworkStream(network), count()
+            stream.detect(scans[0], next(frame))
 
-            def step(network=network, tracker=tracker, state=state):
-                current = network.detect(scans[1], 1)
-                moved = network.displacement(state[0], current)
-                motion = {"displacement": moved, "foreground": state[0].foreground}
-                tracker.predict()
-                found = current.detections
-                tracker.update(found.boxes, found.scores, points=state[0].points, **motion)
+            def step(tracker=tracker, stream=stream, frame=frame):
+                t = next(frame)
+                track_frame(tracker, stream.detect(scans[t % len(scans)], t))
 
             times[n, kept] = median_seconds(step, repeats)
             bar.update()

@@ -170,10 +170,8 @@ def _trace_once(monkeypatch):
     from models.weights import load_networks
 
     load, build = functools.cache(load_networks), functools.cache(StreamingNetwork)
-    for module in ("evaluation.network", "models.weights"):
-        monkeypatch.setattr(f"{module}.load_networks", load)
-    for module in ("evaluation.network", "models.inference"):
-        monkeypatch.setattr(f"{module}.StreamingNetwork", build)
+    monkeypatch.setattr("models.weights.load_networks", load)
+    monkeypatch.setattr("models.inference.StreamingNetwork", build)
 
 
 @pytest.mark.slow

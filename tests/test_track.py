@@ -57,7 +57,7 @@ def test_one_call_per_scan_keeps_the_id_of_a_fast_car():
     tracker = Tracker(ScriptedNetwork())
     seen = [tracker.update(scan(t)) for t in range(4)]
     assert [tracks.ids.tolist() for tracks in seen] == [[0]] * 4
-    assert tracker.types(seen[-1]).tolist() == ["Van"]
+    assert seen[-1].types.tolist() == ["Van"]
     np.testing.assert_allclose(seen[-1].boxes[0, :3], 3 * SPEED + [10, 0, 0])
 
 

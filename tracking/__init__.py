@@ -2,15 +2,19 @@
 
 from tracking.appearance import geometric_appearance
 from tracking.factory import TRACKERS, make_tracker
-from tracking.interface import Tracker, Tracks
-from tracking.true_displacement import TrueDisplacement, assign_label_ids
+from tracking.frame_detections import FrameDetections
+from tracking.interface import FrameContext, MultiObjectTracker, Tracks, track_frame
+from tracking.label_motion import LabelMotion, assign_label_ids
 
 __all__ = [
     "TRACKERS",
-    "Tracker",
+    "FrameContext",
+    "FrameDetections",
+    "LabelMotion",
+    "MultiObjectTracker",
     "Tracks",
-    "TrueDisplacement",
     "assign_label_ids",
     "geometric_appearance",
     "make_tracker",
+    "track_frame",
 ]

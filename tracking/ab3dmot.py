@@ -12,10 +12,11 @@ import numpy as np
 
 from common.errors import InputError
 from kitti.iou import giou_3d, iou_3d
-from tracking.assignment import hungarian
-from tracking.box_filter import BoxFilter, Noise
-from tracking.interface import Tracks, check_boxes, check_rows
-from tracking.life_cycle import LifeCycle, Track
+from tracking.frame_detections import FrameDetections, checked_rows
+from tracking.interface import NO_CONTEXT, FrameContext, Tracks
+from tracking.kalman_box import KalmanBox, Noise
+from tracking.kalman_tracker import KalmanTracker
+from tracking.life_cycle import Track
 
 SIMILARITY = {"iou_3d": iou_3d, "giou_3d": giou_3d}
 
@@ -35,48 +36,30 @@ class Ab3dmotParameters:
             raise InputError(f"expected one of {sorted(SIMILARITY)}, found {self.similarity!r}")
 
 
-class Ab3dmot:
+class Ab3dmot(KalmanTracker):
     """AB3DMOT for one sequence."""
 
     def __init__(self, parameters: Ab3dmotParameters | None = None):
-        self.parameters = parameters or Ab3dmotParameters()
-        self.life = LifeCycle()
+        super().__init__(parameters or Ab3dmotParameters())
 
-    def predict(self) -> None:
-        """(B) 3-D Kalman filter: state prediction."""
-        self.life.begin_frame()
-        for track in self.life.tracks:
-            track.state.predict()
-
-    def update(
-        self,
-        boxes,
-        scores,
-        *,
-        ego_motion: np.ndarray | None = None,
-        frame: int | None = None,
-        **_unused,
-    ) -> Tracks:
-        """See `Tracker.update`."""
-        boxes, scores = check_boxes(boxes, scores, frame)
-        tracks, p = self.life.tracks, self.parameters
-        if ego_motion is not None:
-            motion = check_rows("ego_motion", ego_motion, 4, 4)
-            for track in tracks:
+    def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
+        """See `MultiObjectTracker.update`; (B) is `predict`."""
+        p = self.parameters
+        if context.ego_motion is not None:
+            motion = checked_rows("ego_motion", context.ego_motion, 4, 4)
+            for track in self.life.tracks:
                 track.state.move_frame(motion)
-        # (C) data association
-        predicted = np.array([track.state.box for track in tracks]).reshape(-1, 7)
-        similarity = SIMILARITY[p.similarity](predicted, boxes)
-        matching = hungarian(1.0 - similarity, 1.0 - p.min_similarity)
-        # (D) 3-D Kalman filter: state update, with orientation correction
-        for row, column in matching.pairs:
-            tracks[row].state.update(boxes[column])
-            self.life.hit(tracks[row], scores[column], column)
-        # (E) birth and death memory
-        for column in matching.unmatched_columns:
-            self.life.birth(BoxFilter(boxes[column], p.noise), scores[column], column)
+        # (C) data association, (D) state update with orientation correction, (E) birth
+        self.associate(
+            detections,
+            detections.boxes,
+            np.arange(len(detections)),
+            SIMILARITY[p.similarity],
+            p.min_similarity,
+            lambda box: KalmanBox(box, p.noise),
+        )
         shown = self.life.report(self._is_shown, lambda track: track.state.box)
-        self.life.bury(lambda track: track.time_since_update >= p.max_age)
+        self.life.drop(lambda track: track.time_since_update >= p.max_age)  # (E) death
         return shown
 
     def _is_shown(self, track: Track) -> bool:

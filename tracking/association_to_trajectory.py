@@ -1,8 +1,8 @@
-"""Algorithm 1 of the paper, "Association to Trajectory" (section III.C.4).
+"""Algorithm 1 of the paper, "Association to Trajectory" (section III.4).
 
 The boxes of frame t-1 are moved by the displacement of the points inside them and matched to the
-boxes of frame t by IoU. Where the displacement comes from is the caller's affair: the network's
-(`pointtracknet`), or the labels' (`gt_displacement`, the paper's "gt_tracking" upper bound).
+boxes of frame t by IoU. The displacement is the network's prediction (`pointtracknet`), or the
+labels' motion (`gt_displacement`, the paper's "gt_tracking" upper bound).
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.iou import iou_3d
 from tracking.assignment import greedy
-from tracking.interface import BoxDisplacement, Tracks, check_boxes, check_rows
+from tracking.frame_detections import FrameDetections
+from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.life_cycle import LifeCycle, Track
 
 FOREGROUND = 0.5  # probability from which the mask calls a point foreground
@@ -52,28 +52,15 @@ class AssociationToTrajectory:
         self.life = LifeCycle()
 
     def predict(self) -> None:
-        """Nothing moves yet: the displacement comes with `update`."""
+        """Starts the frame; the boxes move in `update`, which brings the displacement."""
         self.life.begin_frame()
 
-    def update(
-        self,
-        boxes,
-        scores,
-        *,
-        points: np.ndarray | None = None,
-        displacement: np.ndarray | None = None,
-        foreground: np.ndarray | None = None,
-        box_displacement: BoxDisplacement | None = None,
-        ids: np.ndarray | None = None,
-        frame: int | None = None,
-        **_unused,
-    ) -> Tracks:
-        """See `Tracker.update`; line numbers are Algorithm 1's."""
-        boxes, scores = check_boxes(boxes, scores, frame)
-        label_ids = np.full(len(boxes), -1) if ids is None else np.asarray(ids)
+    def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
+        """See `MultiObjectTracker.update`; line numbers are Algorithm 1's."""
+        boxes, label_ids = detections.boxes, self.label_ids(detections, context)
         p, previous = self.parameters, self.life.tracks
         # lines 5-8: each B^{t-1} is moved by the mean displacement of its points
-        moved = self._move(points, displacement, foreground, box_displacement)
+        moved = self._move(detections, context)
         # lines 9-12: the pairs of largest IoU above tau, largest first so that it is one-to-one;
         # lines 13-15: what is left of t-1 and of t
         matching = greedy(-iou_3d(moved, boxes), -p.tau)
@@ -81,32 +68,37 @@ class AssociationToTrajectory:
         for row, column in matching.pairs:
             previous[row].state.box = boxes[column]
             previous[row].state.label_id = int(label_ids[column])
-            self.life.hit(previous[row], scores[column], column)
+            self.life.hit(previous[row], detections, column)
         for row in matching.unmatched_rows:
             previous[row].state.box = moved[row]  # lost: goes on with its displacement
         for column in matching.unmatched_columns:  # lines 1-3 when t = 0
-            if scores[column] >= p.min_start_score:
+            if detections.scores[column] >= p.min_start_score:
                 state = Motion(boxes[column], label_id=int(label_ids[column]))
-                self.life.birth(state, scores[column], column)
-        self.life.bury(lambda track: track.time_since_update > p.max_age)
+                self.life.birth(state, detections, column)
+        self.life.drop(lambda track: track.time_since_update > p.max_age)
         return self.life.report(self._is_shown, lambda track: track.state.box)
 
-    def _move(self, points, displacement, foreground, box_displacement) -> np.ndarray:
+    def label_ids(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
+        """(M,) label ids of the detections; -1, as the predicted displacement needs none."""
+        return np.full(len(detections), -1)
+
+    def box_displacement(
+        self, boxes: np.ndarray, detections: FrameDetections, context: FrameContext
+    ) -> np.ndarray:
+        """(T, 3) metres, lines 6-7 for the boxes (T, 7) of t-1; NaN where unknown."""
+        if detections.points is None:
+            return np.full((len(boxes), 3), np.nan)
+        d = detections
+        return mean_displacement(d.points, d.displacement, boxes, d.foreground)
+
+    def _move(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
         """Lines 6-8 for every box of t-1; returns (T, 7).
 
         A box without a kept point (or of unknown displacement) moves as it did last.
         """
         states = [track.state for track in self.life.tracks]
         boxes = np.array([state.box for state in states]).reshape(-1, 7)
-        if box_displacement is not None:
-            ids = np.array([state.label_id for state in states], np.int64)
-            mean = np.asarray(box_displacement(boxes, ids), np.float64)
-            if mean.shape != (len(boxes), 3):
-                raise InputError(f"expected box displacement ({len(boxes)}, 3), found {mean.shape}")
-        elif points is not None:
-            mean = mean_displacement(points, displacement, boxes, foreground)
-        else:
-            mean = np.full((len(boxes), 3), np.nan)
+        mean = self.box_displacement(boxes, detections, context)
         for state, moved in zip(states, mean, strict=True):
             if np.isfinite(moved).all():
                 state.displacement = moved
@@ -116,6 +108,30 @@ class AssociationToTrajectory:
     def _is_shown(self, track: Track) -> bool:
         present = track.detection >= 0 or self.parameters.report_lost
         return present and track.hits >= self.parameters.min_hits
+
+
+class AssociationByLabels(AssociationToTrajectory):
+    """Algorithm 1 with the labels' motion: the paper's upper bound "gt_tracking" (section IV.D)."""
+
+    def label_ids(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
+        """(M,) label ids of the detections, -1 for none."""
+        if detections.label_ids is not None:
+            return detections.label_ids
+        motion = context.label_motion
+        return (
+            super().label_ids(detections, context)
+            if motion is None
+            else motion.ids_of(detections.boxes)
+        )
+
+    def box_displacement(
+        self, boxes: np.ndarray, detections: FrameDetections, context: FrameContext
+    ) -> np.ndarray:
+        """(T, 3) metres, the motion of the labels that the boxes of t-1 were; NaN where unknown."""
+        if context.label_motion is None:
+            return np.full((len(boxes), 3), np.nan)
+        ids = np.array([track.state.label_id for track in self.life.tracks], np.int64)
+        return context.label_motion.displacement(ids)
 
 
 def mean_displacement(
@@ -136,14 +152,11 @@ def mean_displacement(
         foreground: (n,) probability of being foreground; None: 1 everywhere.
 
     Returns:
-        (T, 3) metres, NaN for a box without points. Raises `InputError` on shapes or NaN.
+        (T, 3) metres, NaN for a box without points.
     """
-    points = check_rows("points", points, None)
-    displacement = check_rows("displacement", displacement, len(points), 3)
     likely = np.ones(len(points), bool)
     if foreground is not None:
-        probability = check_rows("foreground", np.reshape(foreground, (-1, 1)), len(points), 1)
-        likely = probability[:, 0] >= FOREGROUND
+        likely = np.asarray(foreground) >= FOREGROUND
     mean = np.full((len(boxes), 3), np.nan)
     for row in range(len(boxes)):
         inside = points_in_boxes(points, boxes[row : row + 1]) >= 0

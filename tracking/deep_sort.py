@@ -1,8 +1,8 @@
 """DEEP_SORT (Wojke et al., ICIP 2017), on 3-D boxes of the level frame.
 
 A confirmed track is matched in a cascade, the most recently seen first: gated by the Mahalanobis
-distance of the Kalman filter, ranked by the cosine distance of appearance vectors. Who is left goes
-by IoU, as in SORT. Without appearance vectors the Mahalanobis distance ranks as well.
+distance of the Kalman filter, ranked by the cosine distance of appearance vectors. The rest is
+matched by IoU, as in SORT. Without appearance vectors the Mahalanobis distance ranks as well.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kitti.iou import iou_3d
-from tracking.appearance import Gallery, normalize
+from tracking.appearance import Gallery, geometric_appearance, normalize
 from tracking.assignment import hungarian
-from tracking.box_filter import BoxFilter, Noise
-from tracking.interface import Tracks, check_boxes, check_rows
+from tracking.frame_detections import FrameDetections
+from tracking.interface import NO_CONTEXT, FrameContext, Tracks
+from tracking.kalman_box import KalmanBox, Noise
 from tracking.life_cycle import LifeCycle, Track
 
 # The paper's noise is a share of the box height in pixels, which has no counterpart in metres. Ours
@@ -46,9 +47,9 @@ class DeepSortParameters:
 
 @dataclass
 class Identity:
-    """A track's motion and looks."""
+    """A track's motion and appearance."""
 
-    filter: BoxFilter
+    filter: KalmanBox
     gallery: Gallery
 
 
@@ -65,33 +66,22 @@ class DeepSort:
         for track in self.life.tracks:
             track.state.filter.predict()
 
-    def update(
-        self,
-        boxes,
-        scores,
-        *,
-        appearance: np.ndarray | None = None,
-        frame: int | None = None,
-        **_unused,
-    ) -> Tracks:
-        """See `Tracker.update`."""
-        boxes, scores = check_boxes(boxes, scores, frame)
-        looks = np.zeros((len(boxes), 1))
-        if appearance is not None:
-            looks = normalize(check_rows("appearance", appearance, len(boxes)))
+    def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
+        """See `MultiObjectTracker.update`."""
+        boxes, looks = detections.boxes, _appearance(detections, context)
         pairs, free = self._cascade(boxes, looks)
         pairs += self._by_iou(boxes, free, {id(track) for track, _ in pairs})
         for track, column in pairs:
             track.state.filter.update(boxes[column])
             track.state.gallery.add(looks[column])
-            self.life.hit(track, scores[column], column)
+            self.life.hit(track, detections, column)
         for column in sorted(free):
             state = Identity(
-                BoxFilter(boxes[column], self.parameters.noise),
+                KalmanBox(boxes[column], self.parameters.noise),
                 Gallery(self.parameters.gallery_size),
             )
             state.gallery.add(looks[column])
-            self.life.birth(state, scores[column], column)
+            self.life.birth(state, detections, column)
         return self._finish(boxes)
 
     def _cascade(self, boxes, looks) -> tuple[list[tuple[Track, int]], set[int]]:
@@ -138,12 +128,22 @@ class DeepSort:
         return pairs
 
     def _finish(self, boxes) -> Tracks:
-        """Confirms and buries; a tentative track dies at its first miss."""
+        """Confirms and drops tracks; a tentative track dies at its first miss."""
         for track in self.life.tracks:
             track.confirmed = track.confirmed or track.hits >= self.parameters.min_hits
-        self.life.bury(
+        self.life.drop(
             lambda t: t.time_since_update > (self.parameters.max_age if t.confirmed else 0)
         )
         return self.life.report(
             lambda t: t.confirmed and t.detection >= 0, lambda t: boxes[t.detection]
         )
+
+
+def _appearance(detections: FrameDetections, context: FrameContext) -> np.ndarray:
+    """(M, C) of unit length: as given, else geometric from the scan, else rows of zeros."""
+    if detections.appearance is not None:
+        return normalize(detections.appearance)
+    scan = context.scan
+    if scan is None:
+        return np.zeros((len(detections), 1))
+    return normalize(geometric_appearance(scan, detections.boxes))

@@ -3,35 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from common.errors import InputError
 from tracking.ab3dmot import Ab3dmot, Ab3dmotParameters
-from tracking.association_to_trajectory import AssociationParameters, AssociationToTrajectory
+from tracking.association_to_trajectory import (
+    AssociationByLabels,
+    AssociationParameters,
+    AssociationToTrajectory,
+)
 from tracking.deep_sort import DeepSort, DeepSortParameters
-from tracking.interface import Tracker
+from tracking.interface import MultiObjectTracker
 from tracking.sort import Sort, SortParameters
 
-TRACKERS: dict[str, tuple[Callable[[Any], Tracker], type]] = {
-    "pointtracknet": (AssociationToTrajectory, AssociationParameters),
-    "gt_displacement": (AssociationToTrajectory, AssociationParameters),
-    "sort": (Sort, SortParameters),
-    "deep_sort": (DeepSort, DeepSortParameters),
-    "ab3dmot": (Ab3dmot, Ab3dmotParameters),
+TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
+    "pointtracknet": (AssociationToTrajectory, AssociationParameters()),
+    "gt_displacement": (AssociationByLabels, AssociationParameters()),
+    "sort": (Sort, SortParameters()),
+    "sort_image": (Sort, SortParameters(space="image")),
+    "deep_sort": (DeepSort, DeepSortParameters()),
+    "ab3dmot": (Ab3dmot, Ab3dmotParameters()),
 }
+"""Name -> class and its default parameters."""
 
 
-def make_tracker(name: str, **parameters: Any) -> Tracker:
+def make_tracker(name: str, **parameters: Any) -> MultiObjectTracker:
     """A new tracker for one sequence; `parameters` are fields of its dataclass.
 
     Raises `InputError` for an unknown name or parameter, or a value the tracker cannot work with.
     """
     if name not in TRACKERS:
         raise InputError(f"expected a tracker among {', '.join(TRACKERS)}, found {name!r}")
-    tracker, parameter_type = TRACKERS[name]
-    known = [field.name for field in fields(parameter_type)]
+    tracker, defaults = TRACKERS[name]
+    known = [field.name for field in fields(defaults)]
     for key in parameters:
         if key not in known:
             raise InputError(f"{name} has the parameters {', '.join(known)}; found {key!r}")
-    return tracker(parameter_type(**parameters))
+    return tracker(replace(defaults, **parameters))

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from tracking.interface import BOX_SIZE, Tracks
+from tracking.frame_detections import BOX_SIZE, FrameDetections
+from tracking.interface import Tracks
 
 
 @dataclass
 class Track:
-    """One object being followed.
+    """One tracked object.
 
     Attributes:
         id: from 0 within one tracker.
-        state: what the tracker knows of its motion (a filter, or box and displacement).
-        score: of the detection matched last.
+        state: its motion (a Kalman filter, or box and displacement).
+        score, type: of the detection matched last.
         detection: row of this frame's detections that was matched, -1 while lost.
         hits: detections matched so far, the first one included.
         hit_streak: matches in a row, up to and including the last one; birth is not a match.
@@ -29,6 +30,7 @@ class Track:
     id: int
     state: Any
     score: float
+    type: str
     detection: int
     hits: int = 1
     hit_streak: int = 0
@@ -45,28 +47,30 @@ class LifeCycle:
         self._next_id = 0
 
     def begin_frame(self) -> None:
-        """A new frame: nobody is matched yet."""
+        """Starts a frame, in which no track is matched yet."""
         self.frame_count += 1
         for track in self.tracks:
             track.time_since_update += 1
             track.detection = -1
 
-    def birth(self, state: Any, score: float, detection: int) -> Track:
-        """A new track with the next id."""
-        track = Track(self._next_id, state, float(score), int(detection))
+    def birth(self, state: Any, detections: FrameDetections, row: int) -> Track:
+        """A new track with the next id, from row `row` of this frame's detections."""
+        score, kind = float(detections.scores[row]), str(detections.types[row])
+        track = Track(self._next_id, state, score, kind, int(row))
         self._next_id += 1
         self.tracks.append(track)
         return track
 
-    def hit(self, track: Track, score: float, detection: int) -> None:
-        """`track` was matched with row `detection` of this frame."""
+    def hit(self, track: Track, detections: FrameDetections, row: int) -> None:
+        """Records that `track` was matched with row `row` of this frame's detections."""
         track.hit_streak = 1 if track.time_since_update > 1 else track.hit_streak + 1
         track.hits += 1
         track.time_since_update = 0
-        track.score, track.detection = float(score), int(detection)
+        track.score, track.type = float(detections.scores[row]), str(detections.types[row])
+        track.detection = int(row)
 
-    def bury(self, is_dead: Callable[[Track], bool]) -> None:
-        """Forgets the tracks for which `is_dead` holds; their ids are not used again."""
+    def drop(self, is_dead: Callable[[Track], bool]) -> None:
+        """Removes the tracks for which `is_dead` holds; their ids are not used again."""
         self.tracks = [track for track in self.tracks if not is_dead(track)]
 
     def report(
@@ -78,5 +82,6 @@ class LifeCycle:
             boxes=np.array([box_of(track) for track in shown]).reshape(-1, BOX_SIZE),
             ids=np.array([track.id for track in shown], np.int64),
             scores=np.array([track.score for track in shown], np.float64),
+            types=np.array([track.type for track in shown], "<U16"),
             detections=np.array([track.detection for track in shown], np.int64),
         )

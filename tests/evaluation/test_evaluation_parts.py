@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import tiny_kitti
 
+from evaluation.detections import DetectionFiles, LabelBoxes
 from evaluation.scene import Scene
-from evaluation.sources import DetectionFiles, GroundTruthBoxes
 from evaluation.table import markdown
-from evaluation.tracking_loop import NEVER_SEEN, Cues, keep_last_seen, track_scene
+from evaluation.tracking_loop import NEVER_SEEN, SceneFrame, keep_last_seen, track_scene
 from kitti.object_shift import ObjectShift
 from kitti.sequence import Sequence
+from tracking import make_tracker
 
 
 @pytest.fixture
@@ -19,25 +20,27 @@ def scene(tiny_root) -> Scene:
 
 def test_ground_truth_gives_every_frame_even_empty_ones(tiny_root):
     empty = Scene(Sequence(tiny_root, 1))
-    frames = list(GroundTruthBoxes(("Car",)).frames(empty))
-    assert [t for t, *_ in frames] == [0, 1, 2, 3, 4]
-    assert all(boxes.shape == (0, 7) for _, boxes, _, _ in frames)
+    frames = list(LabelBoxes(("Car",)).frames(empty))
+    assert [found.t for found in frames] == [0, 1, 2, 3, 4]
+    assert all(found.boxes.shape == (0, 7) for found in frames)
 
 
 def test_ground_truth_boxes_are_the_displaced_labels(tiny_root):
     moved = Scene(Sequence(tiny_root, 0), ObjectShift(2.0, seed=3))
     still = Scene(Sequence(tiny_root, 0))
-    for t, boxes, scores, extras in GroundTruthBoxes(("Car", "Van")).frames(moved):
-        gap = np.linalg.norm(boxes[:, :3] - still.objects.at(t).boxes[:, :3], axis=1)
+    for found in LabelBoxes(("Car", "Van")).frames(moved):
+        gap = np.linalg.norm(found.boxes[:, :3] - still.objects.at(found.t).boxes[:, :3], axis=1)
         assert (gap <= 2.0).all() and (gap > 0).all()
-        assert (scores == 1).all() and len(extras["types"]) == len(boxes)
+        assert (found.scores == 1).all() and len(found.types) == len(found)
 
 
 def test_detections_carry_scores_and_types(tiny_root, scene):
-    source = DetectionFiles(tiny_root / "detections", [scene], ("Car",))
-    _, boxes, scores, extras = next(iter(source.frames(scene)))
-    assert boxes.shape == (2, 7) and scores.tolist() == [5, 5]
-    assert extras["types"].tolist() == ["Car", "Car"]
+    provider = DetectionFiles(tiny_root / "detections", [scene], ("Car",))
+    found = next(provider.frames(scene))
+    assert found.boxes.shape == (2, 7) and found.scores.tolist() == [5, 5]
+    assert found.types.tolist() == ["Car", "Car"]
+    none = DetectionFiles(tiny_root / "detections", [scene], ("Car",), min_score=5.1)
+    assert len(next(none.frames(scene))) == 0
 
 
 def test_ego_motion_takes_the_frame_before_to_this_one(tmp_path):
@@ -52,29 +55,28 @@ def test_ego_motion_takes_the_frame_before_to_this_one(tmp_path):
     np.testing.assert_allclose(ahead, [8.5, 0, 0, 1], atol=1e-12)
 
 
-def test_ego_motion_reaches_ab3dmot_alone(tmp_path, scene):
+def test_ego_motion_is_known_where_there_are_poses(tmp_path, scene):
     root = tiny_kitti.make(tmp_path / "kitti")
     (root / "poses").mkdir()
     np.savetxt(root / "poses" / "0000.txt", np.tile(np.eye(4)[:3].ravel(), (12, 1)))
-    boxes = np.zeros((0, 7))
     with_poses = Scene(Sequence(root, 0))
-    assert set(Cues("ab3dmot", with_poses, ("Car",)).at(0, boxes, {})) == {"ego_motion"}
-    assert Cues("ab3dmot", scene, ("Car",)).at(0, boxes, {}) == {}
-    assert Cues("sort", with_poses, ("Car",)).at(0, boxes, {}) == {}
+    np.testing.assert_array_equal(
+        SceneFrame(with_poses, with_poses.objects, 3).ego_motion, np.eye(4)
+    )
+    assert SceneFrame(scene, scene.objects, 3).ego_motion is None
 
 
 def test_true_motion_is_the_labels(scene):
-    cues = Cues("gt_displacement", scene, ("Car", "Van"))
     objects = scene.objects
-    cues.at(0, objects.at(0).boxes, {})
-    given = cues.at(1, objects.at(1).boxes, {})
-    assert given["ids"].tolist() == objects.at(1).track_id.tolist()
-    moved = given["box_displacement"](objects.at(0).boxes, objects.at(0).track_id)
+    motion = SceneFrame(scene, objects.of_classes(("Car", "Van")), 1).label_motion
+    assert motion.ids_of(objects.at(1).boxes).tolist() == objects.at(1).track_id.tolist()
+    moved = motion.displacement(objects.at(0).track_id)
     np.testing.assert_allclose(moved, np.tile([0.4, 0, 0], (3, 1)), atol=1e-5)
 
 
 def test_types_follow_the_detections(scene):
-    rows = track_scene(scene, GroundTruthBoxes(("Car", "Van")), "gt_displacement", ("Car", "Van"))
+    tracker = make_tracker("gt_displacement")
+    rows = track_scene(scene, LabelBoxes(("Car", "Van")), tracker, ("Car", "Van"))
     van = rows[rows.type == "Van"]
     assert len(van) == 12 and len(set(van.track_id.tolist())) == 1
 

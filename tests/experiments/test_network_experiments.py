@@ -19,6 +19,7 @@ from experiments.table2 import PAPER, multiplications, table
 from kitti.labels import Objects
 from models.box_coding import head_channels
 from models.detector import Detector, detector_inputs
+from tracking import FrameDetections
 
 
 def parameters(model) -> int:
@@ -72,31 +73,30 @@ class Scene:
         return np.concatenate([inside, rng.uniform((0, -10, -0.75), (20, 10, -0.74), (800, 3))])
 
 
-class Recorded:
+class Predicted:
     """Finds the object in frame 1 alone, with a false box, and moves its points by 0.9 m.
 
     The ground does not move, as it is trained to do.
     """
 
     def frames(self, scene):
-        none = np.zeros((0, 7))
-        yield 0, none, np.zeros(0), {}
+        yield FrameDetections(0, np.zeros((0, 7)), np.zeros(0))
         boxes = np.concatenate([scene.boxes[1:] + 0.1, scene.boxes[1:] + 20])
         points = scene.points(0)
         moved = np.zeros_like(points)
         moved[:60, 0] = 0.9
-        yield 1, boxes, np.array([0.9, 0.2]), {"points": points, "displacement": moved}
+        yield FrameDetections(1, boxes, [0.9, 0.2], points=points, displacement=moved)
 
 
 def test_boxes_are_counted_one_to_one():
-    counts = box_counts(Scene(), Recorded(), min_score=0.0)
+    counts = box_counts(Scene(), Predicted(), min_score=0.0)
     assert (counts["boxes"], counts["boxes_50"], counts["found"]) == (2, 2, 2)
     assert counts["hits@0.5"] == counts["hits_50@0.25"] == 1
-    assert box_counts(Scene(), Recorded(), min_score=0.5)["found"] == 1
+    assert box_counts(Scene(), Predicted(), min_score=0.5)["found"] == 1
 
 
 def test_end_point_error_of_the_foreground_points():
-    errors = end_point_errors(Scene(), Recorded())
+    errors = end_point_errors(Scene(), Predicted())
     assert len(errors) == 60
     assert errors == pytest.approx(np.full(60, 0.1))
 

@@ -1,4 +1,4 @@
-"""Geometric appearance vectors and true displacement."""
+"""Geometric appearance vectors and label motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kitti.boxes import transform_boxes
-from tracking import TrueDisplacement, assign_label_ids, geometric_appearance
+from tracking import LabelMotion, assign_label_ids, geometric_appearance
 from tracking.appearance import Gallery
 
 CAR = np.array([5.0, 1.0, -1.0, 4.0, 1.8, 1.5, 0.4])
@@ -67,14 +67,14 @@ def test_gallery_gives_the_least_distance_and_nan_where_there_is_none():
     assert np.isnan(gallery.distances(probes)[2])
 
 
-def test_true_displacement_is_found_by_label_id():
+def test_label_motion_is_found_by_label_id():
     before, after = np.zeros((3, 7)), np.zeros((2, 7))
     before[:, 0], after[:, 0] = [0.0, 10.0, 20.0], [23.0, 1.0]
-    motion = TrueDisplacement(before, np.array([4, 5, 6]), after, np.array([6, 4]))
-    found = motion(np.zeros((4, 7)), np.array([6, 5, 4, -1]))
+    motion = LabelMotion(before, np.array([4, 5, 6]), after, np.array([6, 4]))
+    found = motion.displacement(np.array([6, 5, 4, -1]))
     assert found[[0, 2]] == pytest.approx(np.array([[3.0, 0, 0], [1.0, 0, 0]]))
     assert np.isnan(found[[1, 3]]).all()
-    assert motion(np.zeros((0, 7)), np.zeros(0, int)).shape == (0, 3)
+    assert motion.displacement(np.zeros(0, int)).shape == (0, 3)
 
 
 def test_detections_take_the_id_of_the_label_they_overlap_most():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from fixed_context import FixedContext
 
 from common.errors import InputError
-from tracking import make_tracker
+from tracking import FrameDetections, make_tracker, track_frame
 from tracking.association_to_trajectory import mean_displacement
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 2.0, 1.5, 0.0])
@@ -16,10 +19,10 @@ def cars(*x: float) -> np.ndarray:
     return np.array([CAR + np.array([value, 0, 0, 0, 0, 0, 0]) for value in x]).reshape(-1, 7)
 
 
-def step(tracker, boxes, **arguments):
-    tracker.predict()
-    scores = arguments.pop("scores", np.ones(len(boxes)))
-    return tracker.update(boxes, scores, **arguments)
+def step(tracker, boxes, label_motion=None, scores=None, **fields):
+    scores = np.ones(len(boxes)) if scores is None else scores
+    found = FrameDetections(0, boxes, scores, **fields)
+    return track_frame(tracker, found, FixedContext(label_motion=label_motion))
 
 
 def test_mean_displacement_is_over_the_points_in_the_box_alone():
@@ -121,16 +124,16 @@ def test_probation_and_start_score():
 
 def test_unknown_box_displacement_falls_back_to_the_last_one():
     tracker = make_tracker("gt_displacement")
-    step(tracker, cars(0.0), ids=[4])
+    step(tracker, cars(0.0), label_ids=[4])
     asked = []
 
-    def known(boxes, ids):
+    def known(ids):
         asked.append(ids.tolist())
         return np.array([[5.0, 0, 0]])
 
-    step(tracker, cars(5.0), ids=[4], box_displacement=known)
-    unknown = np.full((1, 3), np.nan)
-    tracks = step(tracker, cars(10.0), ids=[4], box_displacement=lambda boxes, ids: unknown)
+    step(tracker, cars(5.0), SimpleNamespace(displacement=known), label_ids=[4])
+    unknown = SimpleNamespace(displacement=lambda ids: np.full((1, 3), np.nan))
+    tracks = step(tracker, cars(10.0), unknown, label_ids=[4])
     assert tracks.ids.tolist() == [0]
     assert asked == [[4]]
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed_context import FixedContext
 
 from common.errors import InputError
 from kitti.boxes import transform_boxes
-from tracking import make_tracker
+from tracking import FrameDetections, make_tracker, track_frame
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 2.0, 1.5, 0.0])
 
@@ -16,9 +17,9 @@ def cars(*x: float) -> np.ndarray:
     return np.array([CAR + np.array([value, 0, 0, 0, 0, 0, 0]) for value in x]).reshape(-1, 7)
 
 
-def step(tracker, boxes, **arguments):
-    tracker.predict()
-    return tracker.update(boxes, np.ones(len(boxes)), **arguments)
+def step(tracker, boxes, **context):
+    found = FrameDetections(0, boxes, np.ones(len(boxes)))
+    return track_frame(tracker, found, FixedContext(**context))
 
 
 def test_sort_reports_at_once_in_the_first_frames_and_after_three_matches_later():

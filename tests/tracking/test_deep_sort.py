@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
-from tracking import make_tracker
-from tracking.box_filter import Noise
+from tracking import FrameDetections, make_tracker, track_frame
+from tracking.kalman_box import Noise
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 1.8, 1.5, 0.0])
 RED, BLUE = np.array([1.0, 0.0]), np.array([0.0, 1.0])
@@ -18,9 +18,9 @@ def cars(*x: float) -> np.ndarray:
 
 
 def step(tracker, *x: float, looks=None):
-    tracker.predict()
     appearance = None if looks is None else np.array(looks).reshape(len(x), -1)
-    return tracker.update(cars(*x), np.ones(len(x)), appearance=appearance)
+    found = FrameDetections(0, cars(*x), np.ones(len(x)), appearance=appearance)
+    return track_frame(tracker, found)
 
 
 def settled(*x: float, looks=None, **parameters):
@@ -108,8 +108,7 @@ def test_wider_noise_opens_the_gate():
 
 
 def test_bad_appearance_is_refused():
-    tracker = make_tracker("deep_sort")
     with pytest.raises(InputError, match="appearance of shape"):
-        tracker.update(cars(0.0), np.ones(1), appearance=np.zeros((2, 4)))
+        FrameDetections(0, cars(0.0), np.ones(1), appearance=np.zeros((2, 4)))
     with pytest.raises(InputError, match="finite appearance"):
-        tracker.update(cars(0.0), np.ones(1), appearance=np.full((1, 4), np.nan))
+        FrameDetections(0, cars(0.0), np.ones(1), appearance=np.full((1, 4), np.nan))

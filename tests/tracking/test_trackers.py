@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
-from tracking import TRACKERS, TrueDisplacement, make_tracker
+from tracking import (
+    TRACKERS,
+    FrameContext,
+    FrameDetections,
+    LabelMotion,
+    make_tracker,
+    track_frame,
+)
 
 CAR = np.array([0.0, 0.0, -1.0, 4.0, 1.8, 1.5, 0.0])
 
@@ -15,10 +22,22 @@ def car(x: float, y: float, yaw: float = 0.0) -> np.ndarray:
     return CAR + np.array([x, y, 0, 0, 0, 0, yaw])
 
 
+class FromAbove(FrameContext):
+    """The label motion, and an image taken from above at 10 pixels a metre."""
+
+    def __init__(self, label_motion: LabelMotion | None = None):
+        self.label_motion = label_motion
+
+    def image_boxes(self, boxes):
+        """x, y and the size along the axes, heading left out."""
+        centre, half = 10 * boxes[:, :2], 5 * boxes[:, 3:5]
+        return np.concatenate([centre - half, centre + half], axis=1)
+
+
 def run(name: str, frames: list[dict[int, np.ndarray]], order=None, **parameters):
     """Feeds label id -> box frames to a tracker; per frame, label id -> track id of matched rows.
 
-    The two names of Algorithm 1 get the true displacement, the rest boxes alone.
+    The network's points are the centres of the boxes of t-1, with the labels' motion.
     """
     tracker, given, previous = make_tracker(name, **parameters), [], None
     for t, frame in enumerate(frames):
@@ -26,11 +45,17 @@ def run(name: str, frames: list[dict[int, np.ndarray]], order=None, **parameters
         if order is not None:
             labels = order.permutation(labels)
         boxes = np.array([frame[i] for i in labels]).reshape(-1, 7)
-        motion = None if previous is None else TrueDisplacement(*previous, boxes, labels)
-        tracker.predict()
-        tracks = tracker.update(
-            boxes, np.ones(len(boxes)), ids=labels, box_displacement=motion, frame=t
-        )
+        motion, predicted = None, {}
+        if previous is not None:
+            motion = LabelMotion(*previous, boxes, labels)
+            displacement = motion.displacement(previous[1])
+            known = np.isfinite(displacement).all(axis=1)
+            predicted = {
+                "points": previous[0][known, :3],
+                "displacement": displacement[known],
+            }
+        found = FrameDetections(t, boxes, np.ones(len(boxes)), label_ids=labels, **predicted)
+        tracks = track_frame(tracker, found, FromAbove(motion))
         assert tracks.boxes.shape == (len(tracks), 7)
         assert np.all(np.diff(tracks.ids) > 0)
         seen = tracks.detections >= 0
@@ -73,11 +98,11 @@ def test_no_detections_ever(name):
 
 @pytest.mark.parametrize("name", TRACKERS)
 def test_empty_frame_reports_no_detection_and_arrays_keep_their_shape(name):
-    tracker = make_tracker(name)
-    tracker.predict()
-    tracks = tracker.update(np.zeros((0, 7)), np.zeros(0))
+    found = FrameDetections(0, np.zeros((0, 7)), np.zeros(0))
+    tracks = track_frame(make_tracker(name), found, FromAbove())
     assert tracks.boxes.shape == (0, 7)
-    assert tracks.ids.shape == tracks.scores.shape == tracks.detections.shape == (0,)
+    assert tracks.ids.shape == tracks.scores.shape == tracks.types.shape == (0,)
+    assert tracks.detections.shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +153,6 @@ def test_order_of_the_input_does_not_matter(name):
     assert len(set(names.values())) == len(names) > 0
 
 
-@pytest.mark.parametrize("name", TRACKERS)
 @pytest.mark.parametrize(
     ("boxes", "scores", "message"),
     [
@@ -140,11 +164,9 @@ def test_order_of_the_input_does_not_matter(name):
         ([CAR[:6]], [1.0], r"shape \(M, 7\).*found \(1, 6\)"),
     ],
 )
-def test_bad_detections_are_refused(name, boxes, scores, message):
-    tracker = make_tracker(name)
-    tracker.predict()
+def test_bad_detections_are_refused(boxes, scores, message):
     with pytest.raises(InputError, match=message):
-        tracker.update(np.array(boxes), np.array(scores), frame=12)
+        FrameDetections(12, np.array(boxes), np.array(scores))
 
 
 def test_make_tracker_refuses_unknown_names_and_parameters():

@@ -12,8 +12,7 @@ from kitti.sequence import open_sequences
 from metrics.protocols import Entry, evaluate_protocol
 from models.box_decoding import decode_detections
 from models.detector import Detector
-from tracking import TrueDisplacement
-from tracking.association_to_trajectory import AssociationToTrajectory
+from tracking import FrameContext, FrameDetections, LabelMotion, make_tracker, track_frame
 from training import loop
 from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
 from training.detector_task import DetectorTask
@@ -60,13 +59,14 @@ def detections(task, batch):
 
 def mota(sequence, frames) -> float:
     """MOTA at IoU 0.5 of Algorithm 1 on the boxes of each frame, with the true displacement."""
-    tracker, rows, before = AssociationToTrajectory(), [], sequence.objects.at(0)
+    tracker, rows, before = make_tracker("gt_displacement"), [], sequence.objects.at(0)
     for t, found in enumerate(frames):
         now = sequence.objects.at(t)
-        moved = TrueDisplacement(before.boxes, before.track_id, now.boxes, now.track_id)
+        context = FrameContext()
+        context.label_motion = LabelMotion(before.boxes, before.track_id, now.boxes, now.track_id)
         label_ids = now.track_id[iou_3d(found.boxes, now.boxes).argmax(1)]
-        tracker.predict()
-        tracks = tracker.update(found.boxes, found.scores, box_displacement=moved, ids=label_ids)
+        labelled = FrameDetections(t, found.boxes, found.scores, label_ids=label_ids)
+        tracks = track_frame(tracker, labelled, context)
         rows.append(Objects.from_boxes(t, tracks.ids, tracks.boxes, tracks.scores))
         before = now
     truth = Objects.concatenate([sequence.objects.at(t) for t in range(len(frames))])

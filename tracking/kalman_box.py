@@ -1,4 +1,4 @@
-"""The 10-state Kalman filter of a box (AB3DMOT, section III.B), shared by the three baselines.
+"""10-state Kalman filter of a box (AB3DMOT, section III.B), shared by the three baselines.
 
 State (x, y, z, l, w, h, yaw, vx, vy, vz): a box of the level frame and the velocity of its centre
 in metres per frame; the state moves with constant velocity, and the box is what is measured.
@@ -69,7 +69,7 @@ def correct_orientation(yaw: float, measured: float) -> tuple[float, float]:
     return yaw, yaw + _wrap(measured - yaw)
 
 
-class BoxFilter:
+class KalmanBox:
     """One object's box and velocity; filterpy does the arithmetic."""
 
     def __init__(self, box: np.ndarray, noise: Noise):

@@ -1,7 +1,7 @@
-"""What the networks said about a scene, kept on disk: one pass serves every tracker and picture.
+"""Cache of the networks' outputs on disk: one pass over a scene serves every tracker and picture.
 
-A recording is named by everything it depends on, so a second run finds it and a run with other
-weights, data or code does not. TensorFlow is imported only where something is to be recorded.
+A file is named by everything its content depends on, so a second run finds it and a run with other
+weights, data or code does not. TensorFlow is imported only where the networks have to run.
 
 Letters: F frames, R boxes of all frames, n points of a frame, C channels of the appearance.
 """
@@ -22,36 +22,38 @@ from common.errors import InputError
 from common.files import atomic_path
 from common.progress import Progress
 from common.provenance import ROOT
+from evaluation.detections import DetectionProvider, NetworkDetections
 from evaluation.scene import Scene
-from evaluation.sources import MOTION, BoxSource, Detected, GroundTruthBoxes, motion_of
-from kitti.labels import VEHICLES
+from tracking import FrameDetections
 
-FORMAT = 2
-SOURCES = (
+FORMAT = 3
+CODE_FILES = (
     "models/*.py",
     "kitti/object_shift.py",
     "kitti/footprints.py",
-    "evaluation/network.py",
-    "evaluation/recording.py",
+    "evaluation/detections.py",
+    "evaluation/network_cache.py",
 )
-"""The code whose outputs are recorded."""
+"""The code whose outputs are cached."""
+BOXES = ("boxes", "scores", "types", "appearance")
+MOTION = ("points", "displacement", "foreground")
 
 
-class RecordedNetwork:
-    """A `BoxSource` that replays the networks' outputs, recording what is not there yet.
+class CachedPredictions:
+    """A `DetectionProvider` that reads the networks' outputs, and first makes those it lacks.
 
     Args:
-        folder: of the recordings.
+        folder: of the files.
         weights: folder with detector.npz and tracker.npz.
-        boxes: where boxes come from instead of the detector, if given.
-        boxes_name: what `boxes` are, as part of the recording's name.
+        boxes: provider of the boxes in place of the detector, if given.
+        boxes_name: description of `boxes`, part of the file's name.
     """
 
     def __init__(
         self,
         folder: str | Path,
         weights: str | Path,
-        boxes: BoxSource | None = None,
+        boxes: DetectionProvider | None = None,
         boxes_name: str = "network",
     ):
         self.folder, self.weights = Path(folder), Path(weights)
@@ -59,9 +61,7 @@ class RecordedNetwork:
 
     @cached_property
     def _network(self):
-        from evaluation.network import NetworkBoxes  # TensorFlow only where it is needed
-
-        loaded = NetworkBoxes.load(self.weights, self.boxes)
+        loaded = NetworkDetections.load(self.weights, self.boxes)
         loaded.network = Stopwatch(loaded.network)
         loaded.network.warm_up()
         return loaded
@@ -72,71 +72,55 @@ class RecordedNetwork:
         for path in paths:
             if not path.is_file():
                 raise InputError("expected a checkpoint file", path)
-        paths += [path for pattern in SOURCES for path in sorted(ROOT.glob(pattern))]
+        paths += [path for pattern in CODE_FILES for path in sorted(ROOT.glob(pattern))]
         return b"".join(_digest_of_file(path) for path in paths)
 
     def path(self, scene: Scene) -> Path:
-        """Where the recording of a scene is, or is due."""
+        """The file of a scene, whether it exists yet or not."""
         digest = hashlib.blake2b(self._code_and_weights, digest_size=8)
         model = None if scene.model is None else sorted(asdict(scene.model).items())
         digest.update(repr((FORMAT, self.boxes_name, model)).encode())
         digest.update(_digest_of_data(scene))
         return self.folder / f"{scene.name}-{digest.hexdigest()}.npz"
 
-    def record(self, scene: Scene, each_frame: Callable[[], None] = lambda: None) -> bool:
-        """Runs the networks over a scene unless a recording is there; whether they ran."""
+    def fill(self, scene: Scene, each_frame: Callable[[], None] = lambda: None) -> bool:
+        """Runs the networks over a scene unless its file exists; returns whether they ran."""
         path = self.path(scene)
         if _read(path) is not None:
             return False
         stopwatch = self._network.network
         stopwatch.seconds = []
         frames = []
-        for detected in self._network.frames(scene):
-            frames.append(detected)
+        for detections in self._network.frames(scene):
+            frames.append(detections)
             each_frame()
         _write(path, frames, stopwatch.seconds)
         return True
 
-    def record_all(self, scenes: Sequence[Scene], title: str) -> None:
-        """Records every scene that has no recording yet, under a progress bar."""
+    def fill_all(self, scenes: Sequence[Scene], title: str) -> None:
+        """Runs the networks over every scene that has no file yet, under a progress bar."""
         with Progress(sum(scene.num_frames for scene in scenes), title, "frames") as bar:
             for scene in scenes:
-                if not self.record(scene, bar.update):
+                if not self.fill(scene, bar.update):
                     bar.update(scene.num_frames)
 
-    def frames(self, scene: Scene) -> Iterator[Detected]:
-        """See `BoxSource.frames`."""
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
         arrays = self._arrays(scene)
         boxes = np.concatenate([[0], np.cumsum(arrays["box_count"])])
         points = np.concatenate([[0], np.cumsum(arrays["point_count"])])
         for t in range(len(boxes) - 1):
-            rows = slice(boxes[t], boxes[t + 1])
-            extras = {"types": arrays["types"][rows], "appearance": arrays["appearance"][rows]}
-            if t:
-                part = slice(points[t], points[t + 1])
-                extras.update({key: arrays[key][part] for key in MOTION})
-            yield t, arrays["boxes"][rows], arrays["scores"][rows], extras
+            rows, part = slice(boxes[t], boxes[t + 1]), slice(points[t], points[t + 1])
+            motion = {name: arrays[name][part] for name in MOTION} if t else {}
+            yield FrameDetections(t, **{name: arrays[name][rows] for name in BOXES}, **motion)
 
     def seconds(self, scene: Scene) -> np.ndarray:
         """(F, 2) float64: time of the detector's and of the tracker's pass in each frame."""
         return self._arrays(scene)["seconds"]
 
     def _arrays(self, scene: Scene) -> dict[str, np.ndarray]:
-        self.record(scene)
+        self.fill(scene)
         return _read(self.path(scene))
-
-
-class TrueBoxes:
-    """A `BoxSource`: the labelled vehicles' boxes, with the displacement of recorded networks."""
-
-    def __init__(self, recorded: RecordedNetwork):
-        self.recorded, self.labelled = recorded, GroundTruthBoxes(VEHICLES)
-
-    def frames(self, scene: Scene) -> Iterator[Detected]:
-        """See `BoxSource.frames`."""
-        pairs = zip(self.labelled.frames(scene), self.recorded.frames(scene), strict=True)
-        for (t, boxes, scores, extras), (*_, network) in pairs:
-            yield t, boxes, scores, {**extras, **motion_of(network)}
 
 
 class Stopwatch:
@@ -150,7 +134,7 @@ class Stopwatch:
         self.seconds: list[list[float]] = []
 
     def warm_up(self) -> None:
-        """Two frames of random points, so that no time holds the making of the graphs."""
+        """Two frames of random points, so that no measured time includes tracing."""
         points = np.random.default_rng(0).uniform((5, -20, -2), (60, 20, 1), (20000, 3))
         previous, current = (self.network.detect(points, t) for t in (0, 1))
         self.network.displacement(previous, current)
@@ -170,22 +154,23 @@ class Stopwatch:
         return result
 
 
-def _write(path: Path, frames: list[Detected], seconds: list[list[float]]) -> None:
-    nothing = np.zeros((0, 3), np.float32)
-    extras = [extra for *_, extra in frames]
-    points = [extra.get("points", nothing) for extra in extras]
+def _write(path: Path, frames: list[FrameDetections], seconds: list[list[float]]) -> None:
+    nothing = np.zeros((0, 3))
+    points = [nothing if f.points is None else f.points for f in frames]
+    displacement = [nothing if f.points is None else f.displacement for f in frames]
+    foreground = [nothing[:, 0] if f.points is None else f.foreground for f in frames]
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(
             file,
-            box_count=[len(boxes) for _, boxes, _, _ in frames],
-            boxes=np.concatenate([boxes for _, boxes, _, _ in frames]),
-            scores=np.concatenate([scores for _, _, scores, _ in frames]),
-            types=np.concatenate([extra["types"] for extra in extras]).astype("<U16"),
-            appearance=_same_width([extra["appearance"] for extra in extras]),
+            box_count=[len(f) for f in frames],
+            boxes=np.concatenate([f.boxes for f in frames]),
+            scores=np.concatenate([f.scores for f in frames]),
+            types=np.concatenate([f.types for f in frames]).astype("<U16"),
+            appearance=_same_width([f.appearance for f in frames]).astype(np.float32),
             point_count=[len(part) for part in points],
-            points=np.concatenate(points),
-            foreground=np.concatenate([extra.get("foreground", nothing[:, 0]) for extra in extras]),
-            displacement=np.concatenate([extra.get("displacement", nothing) for extra in extras]),
+            points=np.concatenate(points).astype(np.float32),
+            foreground=np.concatenate(foreground).astype(np.float32),
+            displacement=np.concatenate(displacement).astype(np.float32),
             seconds=np.array(seconds).reshape(-1, 2),
         )
 
@@ -197,7 +182,7 @@ def _same_width(parts: list[np.ndarray]) -> np.ndarray:
 
 
 def _read(path: Path) -> dict[str, np.ndarray] | None:
-    """The arrays of a recording; None if there is none that is whole."""
+    """The arrays of a cache file; None if it is missing or incomplete."""
     try:
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kitti.boxes import wrap_angle
-from tracking.box_filter import BoxFilter, Noise, correct_orientation
+from tracking.kalman_box import KalmanBox, Noise, correct_orientation
 
 BOX = np.array([10.0, 2.0, -1.0, 4.0, 1.8, 1.5, 0.3])
 
@@ -20,37 +20,37 @@ def test_first_prediction_and_update_in_closed_form():
         measured_position=1.5,
         measured_size=0.7,
     )
-    box_filter = BoxFilter(BOX, noise)
-    box_filter.predict()
+    kalman_box = KalmanBox(BOX, noise)
+    kalman_box.predict()
     # one coordinate p with its velocity v: P = [[2^2 + 3^2 + 0.5^2, 3^2], [3^2, 3^2 + 0.25^2]]
     p_pp, p_pv, p_vv = 4 + 9 + 0.25, 9.0, 9 + 0.0625
-    covariance = box_filter.kalman.P
+    covariance = kalman_box.kalman.P
     assert covariance[0, 0] == pytest.approx(p_pp)
     assert covariance[0, 7] == pytest.approx(p_pv)
     assert covariance[7, 7] == pytest.approx(p_vv)
     measured = BOX.copy()
     measured[0] += 1.0
     measured[3] += 0.2
-    box_filter.update(measured)
+    kalman_box.update(measured)
     # gain = P H' / (P_pp + R), residual 1
     innovation = p_pp + 1.5**2
-    assert box_filter.box[0] == pytest.approx(10.0 + p_pp / innovation)
-    assert box_filter.kalman.x[7, 0] == pytest.approx(p_pv / innovation)
-    assert box_filter.kalman.P[0, 0] == pytest.approx(p_pp * (1 - p_pp / innovation))
-    assert box_filter.kalman.P[7, 7] == pytest.approx(p_vv - p_pv**2 / innovation)
+    assert kalman_box.box[0] == pytest.approx(10.0 + p_pp / innovation)
+    assert kalman_box.kalman.x[7, 0] == pytest.approx(p_pv / innovation)
+    assert kalman_box.kalman.P[0, 0] == pytest.approx(p_pp * (1 - p_pp / innovation))
+    assert kalman_box.kalman.P[7, 7] == pytest.approx(p_vv - p_pv**2 / innovation)
     # sizes have no velocity: P = 2^2 + 0.5^2, R = 0.7^2
-    assert box_filter.box[3] == pytest.approx(4.0 + 0.2 * 4.25 / (4.25 + 0.49))
+    assert kalman_box.box[3] == pytest.approx(4.0 + 0.2 * 4.25 / (4.25 + 0.49))
 
 
 def test_constant_velocity_is_learnt():
-    box_filter = BoxFilter(BOX, Noise())
+    kalman_box = KalmanBox(BOX, Noise())
     velocity = np.array([1.2, -0.3, 0.05])
     for step in range(1, 40):
-        box_filter.predict()
-        box_filter.update(np.r_[BOX[:3] + step * velocity, BOX[3:]])
-    assert box_filter.kalman.x[7:, 0] == pytest.approx(velocity, abs=1e-3)
-    box_filter.predict()
-    assert box_filter.box[:3] == pytest.approx(BOX[:3] + 40 * velocity, abs=1e-2)
+        kalman_box.predict()
+        kalman_box.update(np.r_[BOX[:3] + step * velocity, BOX[3:]])
+    assert kalman_box.kalman.x[7:, 0] == pytest.approx(velocity, abs=1e-3)
+    kalman_box.predict()
+    assert kalman_box.box[:3] == pytest.approx(BOX[:3] + 40 * velocity, abs=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -70,39 +70,39 @@ def test_orientation_correction(yaw, measured, corrected):
 
 
 def test_flipped_detection_turns_the_state_instead_of_averaging():
-    box_filter = BoxFilter(BOX, Noise())
+    kalman_box = KalmanBox(BOX, Noise())
     for _ in range(3):
-        box_filter.predict()
-        box_filter.update(np.r_[BOX[:6], wrap_angle(BOX[6] + np.pi)])
-    assert box_filter.box[6] == pytest.approx(wrap_angle(0.3 + np.pi))
+        kalman_box.predict()
+        kalman_box.update(np.r_[BOX[:6], wrap_angle(BOX[6] + np.pi)])
+    assert kalman_box.box[6] == pytest.approx(wrap_angle(0.3 + np.pi))
 
 
 def test_yaw_is_filtered_across_the_cut():
-    box_filter = BoxFilter(np.r_[BOX[:6], np.pi - 0.02], Noise())
-    box_filter.predict()
-    box_filter.update(np.r_[BOX[:6], -np.pi + 0.02])
-    assert abs(box_filter.box[6]) > np.pi - 0.021
+    kalman_box = KalmanBox(np.r_[BOX[:6], np.pi - 0.02], Noise())
+    kalman_box.predict()
+    kalman_box.update(np.r_[BOX[:6], -np.pi + 0.02])
+    assert abs(kalman_box.box[6]) > np.pi - 0.021
 
 
 def test_move_frame_rotates_position_velocity_and_yaw():
-    box_filter = BoxFilter(BOX, Noise())
-    box_filter.kalman.x[7:, 0] = [1.0, 0.0, 0.0]
-    box_filter.kalman.P[0, 0] = 7.0
+    kalman_box = KalmanBox(BOX, Noise())
+    kalman_box.kalman.x[7:, 0] = [1.0, 0.0, 0.0]
+    kalman_box.kalman.P[0, 0] = 7.0
     quarter = np.eye(4)
     quarter[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
     quarter[:3, 3] = [5.0, 6.0, 7.0]
-    box_filter.move_frame(quarter)
+    kalman_box.move_frame(quarter)
     # (10, 2, -1) turned by 90 degrees is (-2, 10, -1), then shifted
-    assert box_filter.box[:3] == pytest.approx([3.0, 16.0, 6.0])
-    assert box_filter.kalman.x[7:, 0] == pytest.approx([0.0, 1.0, 0.0])
-    assert box_filter.box[6] == pytest.approx(0.3 + np.pi / 2)
-    assert box_filter.kalman.P[1, 1] == pytest.approx(7.0)
+    assert kalman_box.box[:3] == pytest.approx([3.0, 16.0, 6.0])
+    assert kalman_box.kalman.x[7:, 0] == pytest.approx([0.0, 1.0, 0.0])
+    assert kalman_box.box[6] == pytest.approx(0.3 + np.pi / 2)
+    assert kalman_box.kalman.P[1, 1] == pytest.approx(7.0)
 
 
 def test_position_gate_is_the_squared_mahalanobis_distance():
     noise = Noise(initial_box=2.0, measured_position=1.5)
-    box_filter = BoxFilter(BOX, noise)
+    kalman_box = KalmanBox(BOX, noise)
     others = np.array([BOX, BOX + np.array([3.0, 4.0, 0, 0, 0, 0, 0])])
     # covariance (2^2 + 1.5^2) I, distance 5: 25 / 6.25 = 4
-    assert box_filter.position_gate(others) == pytest.approx([0.0, 4.0])
-    assert box_filter.position_gate(others[:0]).shape == (0,)
+    assert kalman_box.position_gate(others) == pytest.approx([0.0, 4.0])
+    assert kalman_box.position_gate(others[:0]).shape == (0,)

@@ -1,6 +1,7 @@
-"""Recorded networks replay what the networks said, and know when a recording is not theirs."""
+"""The cache replays the networks' outputs, and its files are named by all they depend on."""
 
 import shutil
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -9,14 +10,18 @@ from small_weights import write_weights
 
 from common.errors import InputError
 from evaluation.config import EvaluateConfig
-from evaluation.network import NetworkBoxes
-from evaluation.recording import RecordedNetwork, TrueBoxes
+from evaluation.detections import (
+    LabelBoxes,
+    LabelBoxesWithPredictedMotion,
+    NetworkDetections,
+)
+from evaluation.network_cache import CachedPredictions
 from evaluation.scene import Scene
-from evaluation.side_by_side import TimedSource, evaluate_recorded
-from evaluation.sources import GroundTruthBoxes
+from evaluation.side_by_side import TimedDetections, evaluate_cached
 from kitti.object_shift import ObjectShift
 from kitti.scans import write_scan
 from kitti.sequence import Sequence
+from tracking import FrameDetections
 
 
 @pytest.fixture(scope="module")
@@ -42,28 +47,30 @@ def scene(root):
 
 
 def _same(a, b):
-    assert a[0] == b[0] and a[3].keys() == b[3].keys()
-    for x, y in ((a[1], b[1]), (a[2], b[2]), *((a[3][k], b[3][k]) for k in a[3])):
-        if len(x) or len(y):
+    assert a.t == b.t
+    for field in fields(a)[1:]:
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        assert (x is None) == (y is None)
+        if x is not None and (len(x) or len(y)):
             np.testing.assert_array_equal(x, y)
 
 
 def test_replay_equals_the_networks_and_runs_them_once(scene, weights, tmp_path, monkeypatch):
-    recorded = RecordedNetwork(tmp_path, weights)
+    cached = CachedPredictions(tmp_path, weights)
     ticks = []
-    assert recorded.record(scene, lambda: ticks.append(1))
+    assert cached.fill(scene, lambda: ticks.append(1))
     assert len(ticks) == scene.num_frames == 5
-    live = list(NetworkBoxes.load(weights).frames(scene))
-    for a, b in zip(recorded.frames(scene), live, strict=True):
+    live = list(NetworkDetections.load(weights).frames(scene))
+    for a, b in zip(cached.frames(scene), live, strict=True):
         _same(a, b)
-    assert any(len(boxes) for _, boxes, _, _ in live)
+    assert any(len(found) for found in live)
 
     def fail(*_):
         raise AssertionError("the networks ran again")
 
-    monkeypatch.setattr(NetworkBoxes, "load", fail)
-    again = RecordedNetwork(tmp_path, weights)
-    assert not again.record(scene)
+    monkeypatch.setattr(NetworkDetections, "load", fail)
+    again = CachedPredictions(tmp_path, weights)
+    assert not again.fill(scene)
     seconds = again.seconds(scene)
     assert seconds.shape == (5, 2)
     assert seconds[1, 1] > 0 and seconds[0, 1] == 0
@@ -71,7 +78,7 @@ def test_replay_equals_the_networks_and_runs_them_once(scene, weights, tmp_path,
 
 def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
     def name(scene=scene, weights=weights, **more):
-        return RecordedNetwork(tmp_path, weights, **more).path(scene).name
+        return CachedPredictions(tmp_path, weights, **more).path(scene).name
 
     other_weights = write_weights(tmp_path / "w", seed=1)
     changed = shutil.copytree(root, tmp_path / "changed")
@@ -83,39 +90,39 @@ def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
         name(Scene(Sequence(changed, 1))),
         name(Scene(Sequence(root, 1), ObjectShift(2.0))),
         name(Scene(Sequence(root, 1), ObjectShift(2.0, seed=1))),
-        name(boxes=GroundTruthBoxes(("Car",)), boxes_name="gt"),
+        name(boxes=LabelBoxes(("Car",)), boxes_name="gt"),
     ]
     assert len(set(names)) == len(names)
     assert name() == names[0] and all(n.startswith("0001-") for n in names)
 
 
-def test_a_cut_recording_is_made_again(scene, weights, tmp_path):
-    recorded = RecordedNetwork(tmp_path, weights)
-    recorded.record(scene)
-    path = recorded.path(scene)
+def test_a_cut_file_is_made_again(scene, weights, tmp_path):
+    cached = CachedPredictions(tmp_path, weights)
+    cached.fill(scene)
+    path = cached.path(scene)
     path.write_bytes(path.read_bytes()[:1000])
-    assert recorded.record(scene)
-    assert len(list(recorded.frames(scene))) == 5
+    assert cached.fill(scene)
+    assert len(list(cached.frames(scene))) == 5
 
 
-def test_given_boxes_are_recorded_with_the_networks_view(scene, weights, tmp_path):
-    truth = GroundTruthBoxes(("Pedestrian",))
-    recorded = RecordedNetwork(tmp_path, weights, truth, "gt")
-    counts = [len(boxes) for _, boxes, _, _ in recorded.frames(scene)]
+def test_given_boxes_are_cached_with_the_networks_motion(scene, weights, tmp_path):
+    truth = LabelBoxes(("Pedestrian",))
+    cached = CachedPredictions(tmp_path, weights, truth, "gt")
+    counts = [len(found) for found in cached.frames(scene)]
     assert counts == [0, 0, 1, 0, 0]
-    assert all("displacement" in extras for t, _, _, extras in recorded.frames(scene) if t)
+    assert all(found.displacement is not None for found in cached.frames(scene) if found.t)
 
 
 def test_missing_weights_are_named(scene, tmp_path):
     with pytest.raises(InputError, match="expected a checkpoint file"):
-        RecordedNetwork(tmp_path, tmp_path / "none").path(scene)
+        CachedPredictions(tmp_path, tmp_path / "none").path(scene)
 
 
 def test_trackers_side_by_side_have_their_times(root, weights, tmp_path):
-    recorded = RecordedNetwork(tmp_path / "recordings", weights)
+    cached = CachedPredictions(tmp_path / "cache", weights)
     config = EvaluateConfig(root, seqs=(1,), weights=weights)
     records = {
-        name: evaluate_recorded(config, recorded, name, tmp_path / name)
+        name: evaluate_cached(config, cached, name, tmp_path / name)
         for name in ("pointtracknet", "sort")
     }
     for name, record in records.items():
@@ -131,24 +138,23 @@ def test_trackers_side_by_side_have_their_times(root, weights, tmp_path):
 def test_timed_source_measures_its_reader(scene, monkeypatch):
     clock = iter(range(100))
     monkeypatch.setattr("evaluation.side_by_side.perf_counter", lambda: next(clock))
-    timed = TimedSource(GroundTruthBoxes(("Car",)))
+    timed = TimedDetections(LabelBoxes(("Car",)))
     assert len(list(timed.frames(scene))) == 5
     assert (timed.count, timed.seconds_per_frame) == (5, 1.0)  # the clock ticks once a frame
 
 
-def test_true_boxes_come_with_the_networks_displacement():
-    class Labels:
-        def frames(self, scene):
-            yield 0, "boxes", "scores", {"types": "labelled"}
-            yield 1, "boxes", "scores", {"types": "labelled"}
+def test_labelled_boxes_come_with_the_predicted_motion(scene):
+    box = np.array([[10.0, 0, 0, 4, 2, 1.5, 0]])
 
-    class Recorded:
+    class Predicted:
         def frames(self, scene):
-            yield 0, "found", "low", {"types": "found"}
-            yield 1, "found", "low", {"types": "found", "points": 1, "displacement": 2}
+            yield FrameDetections(0, box, [0.5])
+            points = np.ones((2, 3))
+            for t in range(1, 5):
+                yield FrameDetections(t, box, [0.5], points=points, displacement=2 * points)
 
-    source = TrueBoxes(Recorded())
-    source.labelled = Labels()
-    first, second = source.frames(None)
-    assert first == (0, "boxes", "scores", {"types": "labelled"})
-    assert second[3] == {"types": "labelled", "points": 1, "displacement": 2}
+    provider = LabelBoxesWithPredictedMotion(Predicted())
+    provider.labelled = LabelBoxes(("Pedestrian",))
+    first, _, third, *_ = provider.frames(scene)
+    assert (len(first), len(third), third.types.tolist()) == (0, 1, ["Pedestrian"])
+    assert first.points is None and (third.displacement == 2).all()

@@ -1,4 +1,4 @@
-"""The labels' own displacement, for the paper's upper bound "gt_tracking" (section IV.D)."""
+"""Motion of the labelled objects, for the paper's upper bound "gt_tracking" (section IV.D)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from tracking.assignment import greedy
 
 
 @dataclass(frozen=True)
-class TrueDisplacement:
-    """Movement of labelled objects from frame t-1 to t, found by label id; a `BoxDisplacement`.
+class LabelMotion:
+    """Movement of labelled objects from frame t-1 to t, found by label id.
 
     Attributes:
         boxes_previous, ids_previous: labels of frame t-1, (M, 7) and (M,), level frame.
@@ -24,7 +24,7 @@ class TrueDisplacement:
     boxes: np.ndarray
     ids: np.ndarray
 
-    def __call__(self, boxes: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    def displacement(self, ids: np.ndarray) -> np.ndarray:
         """(T, 3) metres for the objects with label `ids` (T,); NaN if not in both frames."""
         before = _centres(self.boxes_previous, self.ids_previous)
         after = _centres(self.boxes, self.ids)
@@ -32,6 +32,10 @@ class TrueDisplacement:
         return np.array(
             [after[i] - before[i] if i in before and i in after else unknown for i in map(int, ids)]
         ).reshape(-1, 3)
+
+    def ids_of(self, boxes: np.ndarray) -> np.ndarray:
+        """Label ids of detected boxes (M, 7) of frame t, see `assign_label_ids`."""
+        return assign_label_ids(boxes, self.boxes, self.ids)
 
 
 def _centres(boxes: np.ndarray, ids: np.ndarray) -> dict[int, np.ndarray]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from tracking.box_filter import Noise
+from tracking.kalman_box import Noise
 
 STATE, MEASURED = 7, 4
 TRANSITION = np.eye(STATE)
@@ -19,7 +19,7 @@ RATIO_AND_AREA_NOISE = 10.0  # times the variance of the centre; SORT's publishe
 AREA_VELOCITY_NOISE = 0.01  # times the process variance of the other velocities; likewise
 
 
-class ImageFilter:
+class KalmanImage:
     """One object's image box (x1, y1, x2, y2) in pixels and its velocity."""
 
     def __init__(self, box: np.ndarray, noise: Noise):

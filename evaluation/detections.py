@@ -1,0 +1,186 @@
+"""Detection providers: labels, detection files, the networks; all give `FrameDetections`.
+
+TensorFlow is imported only where the networks are loaded. Letters: M boxes of a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from common.errors import InputError
+from evaluation.scene import Scene
+from kitti.boxes import points_in_boxes
+from kitti.labels import VEHICLES, Objects
+from tracking import FrameDetections
+
+if TYPE_CHECKING:
+    from models.inference import FrameState, StreamingNetwork
+
+
+class DetectionProvider(Protocol):
+    """Detections of every frame of a scene."""
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """Yields the frames in order from 0, empty frames included."""
+
+
+class LabelBoxes:
+    """The labelled boxes of some classes, with score 1 and label ids."""
+
+    def __init__(self, classes: Sequence[str]):
+        self.classes = classes
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        labels = scene.objects.of_classes(self.classes)
+        for found in by_frame(labels, scene.num_frames):
+            yield replace(found, label_ids=labels.at(found.t).track_id)
+
+
+class DetectionFiles:
+    """Detections of some classes from files, all read at once, so that bad ones are found first.
+
+    Args:
+        folder: see `kitti.detections.read_detection_folder`.
+        scenes: the sequences to be read.
+        classes: kept classes.
+        min_score: least score of a kept detection.
+
+    Raises:
+        InputError: a file is missing or malformed.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        scenes: Sequence[Scene],
+        classes: Sequence[str],
+        min_score: float = -np.inf,
+    ):
+        check_folder(folder)
+        self.detections = {}
+        for scene in scenes:
+            found = scene.sequence.read_detections(folder).of_classes(classes)
+            self.detections[scene.name] = found[~(found.score < min_score)]
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        yield from by_frame(scene.displaced(self.detections[scene.name]), scene.num_frames)
+
+
+class NetworkStream:
+    """Scans of one sequence, in order, to detections; each scan passes the detector once."""
+
+    def __init__(self, network: StreamingNetwork):
+        self.network = network
+        self.class_names = np.array(network.detector.config.box.classes)
+        self.state: FrameState | None = None
+
+    def detect(self, points: np.ndarray, t: int) -> FrameDetections:
+        """The detector's boxes in frame t and the predicted motion from the scan before it.
+
+        points: (n, >=3) level frame, metres, camera crop; n may be 0 for a missing scan.
+        """
+        previous, self.state = self.state, self.network.detect(points, t)
+        found = self.state.detections
+        motion = {}
+        if previous is not None:
+            motion = {
+                "points": previous.points,
+                "foreground": previous.foreground,
+                "displacement": self.network.displacement(previous, self.state),
+            }
+        types = self.class_names[found.classes]
+        return FrameDetections(t, found.boxes, found.scores, types, **motion)
+
+
+class NetworkDetections:
+    """The detector's boxes, or another provider's with the networks' motion and appearance.
+
+    Args:
+        network: detector and tracker.
+        boxes: provider of the boxes in place of the detector (labels, files), if given.
+    """
+
+    def __init__(self, network: StreamingNetwork, boxes: DetectionProvider | None = None):
+        self.network, self.boxes = network, boxes
+
+    @classmethod
+    def load(cls, weights: str | Path, boxes: DetectionProvider | None = None) -> NetworkDetections:
+        """Loads the networks of a folder of weights.
+
+        Raises:
+            InputError: weights are missing, broken or do not belong together.
+        """
+        from models.inference import StreamingNetwork
+        from models.weights import load_networks
+
+        return cls(StreamingNetwork(*load_networks(weights)), boxes)
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        given = None if self.boxes is None else self.boxes.frames(scene)
+        stream = NetworkStream(self.network)
+        for t in range(scene.num_frames):
+            points = scene.points(t)
+            found = stream.detect(np.zeros((0, 3)) if points is None else points, t)
+            if given is not None:
+                found = with_motion(next(given), found)
+            yield replace(found, appearance=pooled_appearance(stream.state, found.boxes))
+
+
+class LabelBoxesWithPredictedMotion:
+    """The labelled vehicles' boxes with the motion that another provider predicts."""
+
+    def __init__(self, predicted: DetectionProvider):
+        self.predicted, self.labelled = predicted, LabelBoxes(VEHICLES)
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        pairs = zip(self.labelled.frames(scene), self.predicted.frames(scene), strict=True)
+        for labelled, predicted in pairs:
+            yield with_motion(labelled, predicted)
+
+
+def with_motion(boxes: FrameDetections, motion: FrameDetections) -> FrameDetections:
+    """The first's boxes with the second's points, displacement and foreground probability."""
+    return replace(
+        boxes,
+        points=motion.points,
+        displacement=motion.displacement,
+        foreground=motion.foreground,
+    )
+
+
+def pooled_appearance(state: FrameState, boxes: np.ndarray) -> np.ndarray:
+    """The mean feature of the kept points in each box, L2-normalised; 0 where there are none.
+
+    state: of the frame; boxes: (M, 7) level frame -> (M, C) float32.
+    """
+    features = np.zeros((len(boxes), state.features.shape[1]), np.float32)
+    owner = points_in_boxes(state.points, boxes) if len(boxes) else np.zeros(0, int)
+    for i in range(len(boxes)):
+        inside = owner == i
+        if inside.any():
+            features[i] = state.features[inside].mean(0)
+    return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-9)
+
+
+def by_frame(objects: Objects, num_frames: int) -> Iterator[FrameDetections]:
+    """Rows with boxes, frame by frame; a missing score counts as 1."""
+    scores = np.where(np.isnan(objects.score), 1.0, objects.score)
+    edges = np.searchsorted(objects.frame, np.arange(num_frames + 1))
+    for t in range(num_frames):
+        rows = slice(edges[t], edges[t + 1])
+        yield FrameDetections(t, objects.boxes[rows], scores[rows], objects.type[rows])
+
+
+def check_folder(folder: str | Path) -> None:
+    """Raises InputError unless `folder` is a directory."""
+    if not Path(folder).is_dir():
+        raise InputError("expected a directory with files 00XX.txt", folder)

@@ -1,0 +1,50 @@
+"""The library, track.py and evaluate.py give the same tracks for the same scans."""
+
+import numpy as np
+import pytest
+from small_weights import write_weights
+
+import evaluate
+import track
+from common import flags
+from kitti.calibration import write_calibration
+from kitti.labels import Objects, read_results, write_labels
+from kitti.scans import read_scan, write_scan
+from kitti.seqmap import write_seqmap
+from kitti.standard_mounting import standard_mounting
+from pointtracknet import Tracker
+
+FRAMES = 4
+
+
+def test_library_track_and_evaluate_agree(tmp_path):
+    weights = write_weights(tmp_path / "weights")
+    training = tmp_path / "kitti" / "training"
+    scans, calib = training / "velodyne" / "0003", training / "calib" / "0003.txt"
+    for t in range(FRAMES):
+        rng = np.random.default_rng(t)
+        points = rng.uniform((5, -5, -1.7, 0), (40, 5, 1, 1), (500, 4))
+        points[:300, :3] = rng.uniform((18, -0.5, -1.5), (19, 0.5, -1), (300, 3))  # agree on a box
+        write_scan(scans / f"{t:06d}.bin", points)
+    write_calibration(calib, standard_mounting())
+    write_labels(training / "label_02" / "0003.txt", Objects.empty())
+    write_seqmap(tmp_path / "kitti", "training", {3: FRAMES})
+
+    words = ["--scans", scans, "--calib", calib, "--weights", weights, "--out", tmp_path / "track"]
+    assert flags.run(track.main, [str(word) for word in words]) == 0
+    words = ["--data_root", tmp_path / "kitti", "--seqs", "0003", "--detections", "network"]
+    words += ["--tracker", "pointtracknet", "--weights", weights, "--out", tmp_path / "evaluate"]
+    assert flags.run(evaluate.main, [str(word) for word in words]) == 0
+    rows = (tmp_path / "track" / "0003.txt").read_text()
+    assert rows == (tmp_path / "evaluate" / "tracks" / "0003.txt").read_text()
+
+    results = read_results(tmp_path / "track" / "0003.txt", FRAMES)
+    assert len(results) >= FRAMES
+    tracker = Tracker.load(weights, standard_mounting())
+    for t in range(FRAMES):
+        tracks = tracker.update(read_scan(scans / f"{t:06d}.bin"))
+        expected = results.at(t)
+        assert tracks.ids.tolist() == expected.track_id.tolist()
+        assert tracks.types.tolist() == expected.type.tolist()
+        assert tracks.boxes[:, :6] == pytest.approx(expected.boxes[:, :6], abs=1e-5)
+        assert tracks.scores == pytest.approx(expected.score, abs=1e-5)

@@ -1,0 +1,107 @@
+"""The detections of one frame: all that travels from networks, labels and files to the trackers.
+
+Letters: M detected boxes, n points, C channels of an appearance vector.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.errors import InputError
+
+BOX_SIZE = 7  # x, y, z, l, w, h, yaw in the level frame
+
+
+@dataclass(frozen=True, eq=False)
+class FrameDetections:
+    """Boxes of frame t and the predicted motion from frame t-1, validated on construction.
+
+    Attributes:
+        t: frame number, from 0.
+        boxes: (M, 7) float64, level frame, metres and radians.
+        scores: (M,) float64, larger for a more certain box.
+        types: (M,) class names; None becomes "Car".
+        points: (n, 3) float64 points of frame t-1, level frame; None without a prediction.
+        displacement: (n, 3) float64 predicted movement of `points` to frame t, metres.
+        foreground: (n,) float64 foreground probability of `points`; None becomes 1 everywhere.
+        appearance: (M, C) float64, a row of zeros for a box without one; None if unknown.
+        label_ids: (M,) int64 track ids of the labels the boxes are; None if they are not labels.
+
+    Raises:
+        InputError: wrong shapes, NaN or infinity, or a box whose size is not positive.
+    """
+
+    t: int
+    boxes: np.ndarray
+    scores: np.ndarray
+    types: np.ndarray | None = None
+    points: np.ndarray | None = None
+    displacement: np.ndarray | None = None
+    foreground: np.ndarray | None = None
+    appearance: np.ndarray | None = None
+    label_ids: np.ndarray | None = None
+
+    def __post_init__(self):
+        boxes, scores = _checked_boxes(self.boxes, self.scores, self.t)
+        rows = len(boxes)
+        self._set(boxes=boxes, scores=scores)
+        self._set(types=np.broadcast_to("Car" if self.types is None else self.types, rows))
+        if self.points is not None:
+            self._check_motion()
+        if self.appearance is not None:
+            self._set(appearance=checked_rows("appearance", self.appearance, rows))
+        if self.label_ids is not None:
+            self._set(label_ids=np.asarray(self.label_ids, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def _check_motion(self) -> None:
+        points = checked_rows("points", self.points, None)
+        count = len(points)
+        foreground = np.ones(count) if self.foreground is None else self.foreground
+        column = np.reshape(foreground, (-1, 1))
+        self._set(
+            points=points,
+            displacement=checked_rows("displacement", self.displacement, count, 3),
+            foreground=checked_rows("foreground", column, count, 1)[:, 0],
+        )
+
+    def _set(self, **values: np.ndarray) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+def _checked_boxes(boxes, scores, t: int) -> tuple[np.ndarray, np.ndarray]:
+    """(M, 7) and (M,) float64, finite, with positive sizes."""
+    boxes, scores = np.asarray(boxes, np.float64), np.asarray(scores, np.float64)
+    if boxes.size == 0:
+        boxes = boxes.reshape(0, BOX_SIZE)
+    if boxes.ndim != 2 or boxes.shape[1] != BOX_SIZE:
+        raise InputError(f"expected boxes of shape (M, 7) in frame {t}, found {boxes.shape}")
+    if scores.shape != (len(boxes),):
+        raise InputError(f"expected {len(boxes)} scores in frame {t}, found shape {scores.shape}")
+    bad = ~np.isfinite(boxes).all(axis=1) | ~np.isfinite(scores) | (boxes[:, 3:6] <= 0).any(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(
+            f"expected finite boxes, positive sizes and finite scores in frame {t}, "
+            f"found row {row}: {boxes[row].tolist()} score {scores[row]}"
+        )
+    return boxes, scores
+
+
+def checked_rows(name: str, values, rows: int | None, columns: int | None = None) -> np.ndarray:
+    """A finite float64 (rows, columns) array; None allows any number."""
+    values = np.asarray(values, np.float64)
+    if (
+        values.ndim != 2
+        or rows not in (None, len(values))
+        or columns not in (None, values.shape[1])
+    ):
+        raise InputError(f"expected {name} of shape ({rows}, {columns}), found {values.shape}")
+    if not np.isfinite(values).all():
+        raise InputError(f"expected finite {name}, found NaN or infinity")
+    return values
