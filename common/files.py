@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -93,3 +94,10 @@ def write_text(path: str | Path, text: str) -> None:
 def write_json(path: str | Path, value: Any) -> None:
     """Writes `value` to `path` atomically, as indented JSON; NaN and infinity raise ValueError."""
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def copy_folder(source: str | Path, target: str | Path) -> None:
+    """Copies the files of a folder, each atomically; other files of `target` stay."""
+    for path in sorted(Path(source).iterdir()):
+        with atomic_path(Path(target) / path.name) as temporary:
+            shutil.copyfile(path, temporary)

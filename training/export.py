@@ -1,11 +1,10 @@
-"""Makes a folder of weights out of two trainings' checkpoints.
+"""Makes a folder of weights from the checkpoints of one or both trainings.
 
-    python -m training.export --detector runs/det/checkpoints/best.npz \\
-        --tracker runs/track/checkpoints/best.npz --out weights
+    python -m training.export --detector runs/detector --tracker runs/tracker --out weights
 
-Each network becomes NAME.npz (weights and configuration, without the optimiser's state),
-NAME.json, its configuration, figures and training record for reading, and NAME_history.csv, the
-figures of every epoch; training.md tells all of it in two tables.
+Each network becomes NAME.npz (weights and configuration, without the optimizer's state),
+NAME.json, its configuration, metrics and training record for reading, and NAME_history.csv, the
+metrics of every epoch; training.md has them in two tables.
 """
 
 from __future__ import annotations
@@ -16,19 +15,21 @@ from typing import Any
 
 import keras
 
+from common.errors import InputError
 from common.files import write_bytes, write_json, write_text
 from common.flags import ArgumentParser, run
 from models import checkpoint
 from models.weights import load_detector, load_tracker
+from training.checkpoint_folder import CheckpointFolder
 
 
-def export(path: str | Path, network: keras.Model, out: Path) -> dict[str, Any]:
+def export(path: Path, network: keras.Model, out: Path) -> dict[str, Any]:
     """Writes out.npz, out.json and the history from the checkpoint at `path`; returns its meta."""
     meta, _ = checkpoint.load(path)
     meta.pop("format")
     checkpoint.save(out.with_suffix(".npz"), meta, model=checkpoint.named_variables(network))
     write_json(out.with_suffix(".json"), meta)
-    history = Path(path).parent.parent / "history.csv"
+    history = path.parent.parent / "history.csv"
     if history.is_file():
         write_bytes(out.with_name(f"{out.name}_history.csv"), history.read_bytes())
     return meta
@@ -69,19 +70,37 @@ def _ranges(sequences: Sequence[str]) -> str:
     )
 
 
+def checkpoint_of(path: Path) -> Path:
+    """The last checkpoint of a training's workdir, or `path` itself where it is a file.
+
+    Raises:
+        InputError: a folder without checkpoints.
+    """
+    if not path.is_dir():
+        return path
+    folder = CheckpointFolder(path / "checkpoints", 1)
+    steps = folder.steps()
+    if not steps:
+        raise InputError("expected a training's workdir with checkpoints", path)
+    return folder.path(steps[-1])
+
+
 def main(argv: Sequence[str] | None = None) -> None:
-    """Checks that the two networks belong together, then writes both."""
-    parser = ArgumentParser(description="Make a folder of weights out of two checkpoints.")
-    parser.add_argument("--detector", required=True, metavar="CHECKPOINT")
-    parser.add_argument("--tracker", required=True, metavar="CHECKPOINT")
-    parser.add_argument("--out", type=Path, default=Path("weights"), metavar="DIR")
+    """Checks that the networks belong together, then writes them."""
+    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    add = parser.add_argument
+    what = "a training's workdir, whose last checkpoint is taken, or a checkpoint"
+    add("--detector", type=Path, required=True, metavar="PATH", help=what)
+    add("--tracker", type=Path, metavar="PATH", help=what)
+    add("--out", type=Path, default=Path("weights"), metavar="DIR")
     flags = parser.parse_args(argv)
-    detector = load_detector(flags.detector)
-    tracker = load_tracker(flags.tracker, detector)
-    metas = [
-        export(flags.detector, detector, flags.out / "detector"),
-        export(flags.tracker, tracker, flags.out / "tracker"),
-    ]
+    path = checkpoint_of(flags.detector)
+    detector = load_detector(path)
+    networks = {"detector": (path, detector)}
+    if flags.tracker is not None:
+        path = checkpoint_of(flags.tracker)
+        networks["tracker"] = (path, load_tracker(path, detector))
+    metas = [export(path, network, flags.out / name) for name, (path, network) in networks.items()]
     write_text(flags.out / "training.md", "\n".join(map(describe, metas)))
     print(f"written to {flags.out}")
 

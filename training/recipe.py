@@ -1,0 +1,165 @@
+"""Makes the weights that ship, from nothing: simulate, train both networks, export.
+
+    python -m training.recipe --workdir runs/recipe --out weights --labels KITTI --scans KITTI
+
+Every number is in training/recipe.json. Each stage is a command of this project; finished stages
+are skipped and an interrupted one resumes. Without --labels the simulator's own traffic is the only
+traffic, without --scans no real scan is used.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from common.errors import InputError
+from common.files import copy_folder, write_json
+from common.flags import ArgumentParser, run
+from common.provenance import ROOT, git_commit, provenance
+from common.steps import Steps
+
+RECIPE = Path(__file__).with_suffix(".json")
+RECORD = "recipe.json"  # in the workdir and beside the weights
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A command of the recipe.
+
+    Attributes:
+        name: shown while it runs.
+        command: arguments of the Python interpreter.
+        resumes: workdir of a training; the command gets --resume where it holds one already.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    resumes: Path | None = None
+
+    def arguments(self) -> list[str]:
+        """The command, with --resume where a training was begun."""
+        begun = self.resumes is not None and (self.resumes / "config.json").is_file()
+        return [*self.command, *(["--resume"] if begun else [])]
+
+
+def stages_of(recipe: dict[str, Any], values: dict[str, str]) -> list[Stage]:
+    """The stages of a recipe whose needs are among the keys of `values`, filled in with them."""
+
+    def fill(text: str) -> str:
+        return text.format_map(values)
+
+    def usable(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return [entry for entry in entries if entry.get("needs", "work") in values]
+
+    roots = usable(recipe["data"])
+    total = sum(root["share"] for root in roots)
+    data: list[str] = []
+    for i, root in enumerate(roots):
+        data += ["--data_root", fill(root["root"]), "--seqs", fill(root.get("seqs", "all"))]
+        if i:  # the first root takes the rest
+            data += ["--share", f"{root['share'] / total:.3f}"]
+    for root in usable(recipe["validation"]):
+        data += ["--val_data_root", fill(root["root"])]
+        data += ["--val_seqs", fill(root.get("seqs", "all"))]
+    values = {**values, "data": shlex.join(data)}
+    return [
+        Stage(
+            stage["name"],
+            tuple(shlex.split(fill(stage["command"]))),
+            Path(fill(stage["resumes"])) if "resumes" in stage else None,
+        )
+        for stage in usable(recipe["stages"])
+    ]
+
+
+def run_stage(stage: Stage) -> None:
+    """Runs the command in the project's root, its output on this terminal.
+
+    Raises:
+        InputError: it failed; its own message is above.
+    """
+    arguments = stage.arguments()
+    print("$ python " + shlex.join(arguments), flush=True)
+    code = subprocess.run([sys.executable, *arguments], cwd=ROOT, check=False).returncode
+    if code == 130:
+        raise KeyboardInterrupt
+    if code:
+        raise InputError(f"{stage.name}: the command ended with code {code}")
+
+
+def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool) -> None:
+    """Runs the stages that are not done and copies the weights to `out`.
+
+    Raises:
+        InputError: the tree has changes, the workdir belongs to another commit or other stages, or
+            a stage fails.
+    """
+    commit = git_commit()
+    if not allow_changes and (commit is None or commit.endswith("+changes")):
+        raise InputError("the tree differs from its commit: commit first, or give --allow_changes")
+    record = {"commit": commit, "stages": [list(stage.command) for stage in stages]}
+    path = work / RECORD
+    if path.is_file():
+        _same_recipe(path, record, allow_changes)
+    else:
+        write_json(path, {**record, "run": provenance()})
+    steps = Steps(work)
+    for number, stage in enumerate(stages, 1):
+        print(f"stage {number} of {len(stages)}: {stage.name}", flush=True)
+        if not steps.run(stage.name, shlex.join(stage.command), [], lambda s=stage: run_stage(s)):
+            print("done before", flush=True)
+    copy_folder(work / "weights", out)
+    print(f"written to {out}")
+
+
+def _same_recipe(path: Path, record: dict[str, Any], allow_changes: bool) -> None:
+    found = json.loads(path.read_text(encoding="utf-8"))
+    if found.get("stages") != record["stages"]:
+        raise InputError("was begun with other stages or data: choose another --workdir", path)
+    if found.get("commit") != record["commit"] and not allow_changes:
+        raise InputError(
+            f"was begun at commit {found.get('commit')}: check it out, or give --allow_changes",
+            path,
+        )
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parses the flags and makes the weights."""
+    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    add = parser.add_argument
+    add("--workdir", type=Path, default=Path("runs/recipe"), metavar="DIR", help="data, trainings")
+    add("--out", type=Path, default=Path("weights"), metavar="DIR", help="the folder of weights")
+    add("--labels", metavar="DIR", help="KITTI root whose labels drive simulated traffic")
+    add("--label_seqs", default="0000-0015", metavar="SEQS", help="of --labels")
+    add("--scans", metavar="DIR", help="KITTI root with real labelled scans")
+    add(
+        "--scan_seqs", default="0001-0010,0012-0015", metavar="SEQS", help="of --scans, to train on"
+    )
+    add("--scan_val_seqs", default="0011", metavar="SEQS", help="to validate on")
+    add("--allow_changes", action="store_true", help="although the tree differs from its commit")
+    add("--list", action="store_true", help="print the commands, run none")
+    flags = parser.parse_args(argv)
+    values = {"work": str(flags.workdir)}
+    if flags.labels:
+        values |= {"labels": flags.labels, "label_seqs": flags.label_seqs}
+    if flags.scans:
+        values |= {
+            "scans": flags.scans,
+            "scan_seqs": flags.scan_seqs,
+            "scan_val_seqs": flags.scan_val_seqs,
+        }
+    stages = stages_of(json.loads(RECIPE.read_text(encoding="utf-8")), values)
+    if flags.list:
+        print("\n".join("python " + shlex.join(stage.command) for stage in stages))
+        return
+    make_weights(stages, flags.workdir, flags.out, flags.allow_changes)
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))
