@@ -8,7 +8,7 @@ CLANG_FORMAT := $(VENV)/bin/clang-format
 CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
 
 .DEFAULT_GOAL := all
-.PHONY: all venv ops bench sanitize demo test test-fast lint format clean
+.PHONY: all venv ops bench sanitize weights demo test test-fast lint format clean
 
 all: venv ops
 
@@ -26,6 +26,10 @@ ops: $(STAMP)
 
 demo: ops
 	$(PY) demo.py $(DEMO_FLAGS)
+
+# LABELS=DIR: KITTI's labels drive simulated traffic; SCANS=DIR: real labelled scans (docs/TRAINING.md)
+weights: ops
+	$(PY) -m training.recipe $(if $(LABELS),--labels $(LABELS)) $(if $(SCANS),--scans $(SCANS)) $(WEIGHTS_FLAGS)
 
 bench: ops
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt

@@ -23,10 +23,8 @@ FRAMES = 16
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("simulated")
-    simulate(
-        ["--out", str(folder), "--split", "val", "--sequences", "1", "--frames", str(FRAMES)]
-        + ["--seed", "5"]
-    )
+    flags = {"split": "val", "sequences": "1", "frames": str(FRAMES), "seed": "5"}
+    simulate(["--out", str(folder), *(f"--{name}={value}" for name, value in flags.items())])
     return folder
 
 

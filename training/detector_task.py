@@ -58,6 +58,7 @@ class DetectorTask:
         self.reader, self.items = FrameReader(sequences, classes), frame_list(sequences)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = frame_list(validation)
+        self.validation_roots = [str(validation[i].data_root) for i, _ in self.validation_items]
         self.loss_weights = to_dict(config.loss)
         self.decoding = DecodingConfig()
 

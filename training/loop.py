@@ -261,13 +261,27 @@ def _epoch(
 
 
 def _validate(run: TrainingRun) -> dict[str, float]:
-    """The task's validation metrics over fixed samples, spread evenly over the data."""
+    """Validation metrics: the mean over data roots, and those of each where there are several."""
+    by_root: dict[str, list[int]] = {}
+    for index, root in enumerate(run.task.validation_roots):
+        by_root.setdefault(root, []).append(index)
+    found = {root: _validate_items(run, np.array(items)) for root, items in by_root.items()}
+    if len(found) <= 1:
+        return next(iter(found.values()), {})
+    names = next(iter(found.values()))
+    means = {name: float(np.mean([m[name] for m in found.values()])) for name in names}
+    return means | {
+        f"{Path(root).name}/{name}": value
+        for root, metrics in found.items()
+        for name, value in metrics.items()
+    }
+
+
+def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
+    """Metrics over `schedule.validation_frames` of the items, spread evenly over them."""
     task, wanted = run.task, run.task.schedule.validation_frames
-    available = len(task.validation_items)
-    if not available:
-        return {}
-    count = min(wanted or available, available)
-    chosen = np.linspace(0, available - 1, count).round().astype(np.int64)
+    count = min(wanted or len(items), len(items))
+    chosen = items[np.linspace(0, len(items) - 1, count).round().astype(np.int64)]
     size = min(4, count)
     chosen = chosen[: count - count % size].reshape(-1, size)
     data = dataset(

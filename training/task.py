@@ -23,6 +23,7 @@ class TrainingTask(Protocol):
         auxiliary: variables that training needs and the network does not, by name.
         meta: further entries of a checkpoint's meta, among them "network".
         items, validation_items: frames or pairs, one for each sample of an epoch.
+        validation_roots: the data root of each validation item.
     """
 
     kind: str
@@ -35,6 +36,7 @@ class TrainingTask(Protocol):
     meta: dict[str, Any]
     items: list[tuple[int, int]]
     validation_items: list[tuple[int, int]]
+    validation_roots: list[str]
 
     def make(self, index: int, position: int) -> Any:
         """The sample of an item at a position of the endless order of samples (NumPy arrays)."""

@@ -88,6 +88,7 @@ class TrackerTask:
         self.reader, self.items = FrameReader(sequences, classes), pair_list(sequences)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = pair_list(validation)
+        self.validation_roots = [str(validation[i].data_root) for i, _ in self.validation_items]
         alpha, beta, deep = config.loss.alpha, config.loss.beta, config.deep_supervision
         self.loss_weights = {
             "pos": alpha,

@@ -1,0 +1,94 @@
+"""The recipe: its commands parse, stages are skipped when done, wrong workdirs are refused."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import pytest
+
+from common.errors import InputError
+from training import recipe
+from training.command_line import configured, parser
+from training.config import DetectorTrainingConfig, TrackerTrainingConfig
+from training.recipe import RECIPE, Stage, make_weights, stages_of
+
+RECIPE_VALUES = json.loads(RECIPE.read_text())
+ALL = {
+    "work": "w",
+    "labels": "KITTI",
+    "label_seqs": "0001-0015",
+    "scans": "REAL",
+    "scan_seqs": "0100",
+    "scan_val_seqs": "0103",
+}
+
+
+def command(stages: list[Stage], program: str) -> list[str]:
+    return next(list(s.command[1:]) for s in stages if s.command[0] == program)
+
+
+@pytest.mark.parametrize("values", [ALL, {"work": "w"}], ids=["all data", "simulation alone"])
+def test_trainings_parse_and_have_the_budget(values):
+    stages = stages_of(RECIPE_VALUES, values)
+    flags = parser("", DetectorTrainingConfig()).parse_args(command(stages, "train_det.py"))
+    schedule = configured(flags, DetectorTrainingConfig()).schedule
+    assert schedule.epochs * schedule.frames_per_epoch >= 100_000
+    tracker = parser("", TrackerTrainingConfig())
+    tracker.add_argument("--detector")
+    flags = tracker.parse_args(command(stages, "train_track.py"))
+    schedule = configured(flags, TrackerTrainingConfig()).schedule
+    assert schedule.epochs * schedule.frames_per_epoch >= 25_000
+    roots = ["w/data/own", "w/data/replay", "REAL"] if values is ALL else ["w/data/own"]
+    assert flags.data_root == roots
+    text = " ".join(shlex.join(stage.command) for stage in stages)
+    assert ("--from_labels KITTI" in text) == (values is ALL)
+
+
+def touch(path: Path, code: int = 0) -> tuple[str, ...]:
+    script = f"import pathlib, sys; p = pathlib.Path({str(path)!r}); p.parent.mkdir(exist_ok=True)"
+    return (
+        "-c",
+        f"{script}; p.write_text('x' + (p.read_text() if p.exists() else '')); sys.exit({code})",
+    )
+
+
+def test_stages_run_once_and_a_failed_one_again(tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(recipe, "git_commit", lambda: "abc")
+    work, out = tmp_path / "work", tmp_path / "out"
+    done, broken = work / "weights" / "done", work / "weights" / "broken"
+    stages = [Stage("one", touch(done)), Stage("two", touch(broken, code=3))]
+    for _ in range(2):
+        with pytest.raises(InputError, match="two: the command ended with code 3"):
+            make_weights(stages, work, out, allow_changes=False)
+    assert done.read_text() == "x"
+    assert broken.read_text() == "xx"
+    assert not out.exists()
+    assert "stage 1 of 2: one" in capfd.readouterr().out
+    with pytest.raises(InputError, match="begun with other stages"):
+        make_weights(stages[:1], work, out, allow_changes=False)
+    monkeypatch.setattr(recipe, "git_commit", lambda: "def")
+    with pytest.raises(InputError, match="begun at commit abc"):
+        make_weights(stages, work, out, allow_changes=False)
+
+
+def test_finished_weights_are_copied(tmp_path, monkeypatch):
+    monkeypatch.setattr(recipe, "git_commit", lambda: "abc")
+    work, out = tmp_path / "work", tmp_path / "out"
+    make_weights([Stage("one", touch(work / "weights" / "a.npz"))], work, out, False)
+    assert (out / "a.npz").read_text() == "x"
+
+
+def test_a_changed_tree_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(recipe, "git_commit", lambda: "abc+changes")
+    with pytest.raises(InputError, match="commit first"):
+        make_weights([], tmp_path / "work", tmp_path / "out", allow_changes=False)
+    assert not (tmp_path / "work").exists()
+
+
+def test_a_begun_training_resumes(tmp_path):
+    stage = Stage("train", ("train_det.py",), tmp_path)
+    assert stage.arguments() == ["train_det.py"]
+    (tmp_path / "config.json").write_text("{}")
+    assert stage.arguments() == ["train_det.py", "--resume"]
