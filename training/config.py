@@ -32,6 +32,9 @@ class AugmentationConfig:
         0,
         100,
     )
+    single_scan_pairs: bool = note(
+        False, "pairs from scans without an adjacent one too: halves of its points, ego motion"
+    )
 
 
 @dataclass(frozen=True)

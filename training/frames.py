@@ -37,9 +37,19 @@ def frame_list(sequences: list[Sequence]) -> list[tuple[int, int]]:
     return [(i, t) for i, s in enumerate(sequences) for t in s.frames if s.has_scan(t)]
 
 
-def pair_list(sequences: list[Sequence]) -> list[tuple[int, int]]:
-    """(sequence index, t) of every adjacent pair (t-1, t) whose two scans are there."""
-    return [(i, t) for i, s in enumerate(sequences) for _, t in s.pairs(scans=True)]
+def pair_list(sequences: list[Sequence], single_scans: bool = False) -> list[tuple[int, int]]:
+    """(sequence index, t) of every adjacent pair (t-1, t) whose two scans are there.
+
+    With `single_scans` also of every scan t that is in no such pair.
+    """
+    items = []
+    for i, sequence in enumerate(sequences):
+        pairs = sequence.pairs(scans=True)
+        items += [(i, t) for _, t in pairs]
+        if single_scans:
+            paired = {t for pair in pairs for t in pair}
+            items += [(i, t) for _, t in frame_list([sequence]) if t not in paired]
+    return items
 
 
 def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> LabelledFrame:

@@ -17,6 +17,7 @@ from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerT
 from training.frames import FrameReader, LabelledFrame
 from training.object_bank import ObjectBank
 from training.pasting import paste_objects
+from training.single_scan import split_scan
 
 
 class DetectorSample(NamedTuple):
@@ -53,6 +54,7 @@ def no_augmentation() -> AugmentationConfig:
         object_shift=0.0,
         object_shift_share=0.0,
         pasted_objects=0,
+        single_scan_pairs=False,
     )
 
 
@@ -223,8 +225,15 @@ def make_pair_sample(
     num_points: int,
     augmentation: AugmentationConfig,
 ):
-    """PairSample of frames (t-1, t) with item = (sequence, t); see `make_detector_sample`."""
+    """PairSample of frames (t-1, t) with item = (sequence, t); see `make_detector_sample`.
+
+    Where there is no scan t-1, both frames come from scan t (`split_scan`).
+    """
     rng = np.random.default_rng([config.schedule.seed, position])
     sequence, t = item
-    previous, current = reader.read(sequence, t - 1), reader.read(sequence, t)
+    current = reader.read(sequence, t)
+    if reader.sequences[sequence].has_scan(t - 1):
+        previous = reader.read(sequence, t - 1)
+    else:
+        previous, current = split_scan(current, rng)
     return pair_sample(previous, current, num_points, augmentation, rng)

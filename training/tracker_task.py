@@ -85,7 +85,8 @@ class TrackerTask:
         self.readout.build((None, self.model.association.channels))
         self.auxiliary = {f"readout/{v.name}": v for v in self.readout.weights}
         classes = detector.config.box.classes
-        self.reader, self.items = FrameReader(sequences, classes), pair_list(sequences)
+        self.reader = FrameReader(sequences, classes)
+        self.items = pair_list(sequences, config.augmentation.single_scan_pairs)
         self.validation_reader = FrameReader(validation, classes)
         self.validation_items = pair_list(validation)
         self.validation_roots = [str(validation[i].data_root) for i, _ in self.validation_items]
