@@ -16,7 +16,7 @@ from models.tracker import EncodedFrame, TrackingNetwork
 
 
 class FrameState(NamedTuple):
-    """What one frame leaves behind for the next."""
+    """Outputs of the networks for one frame, which the next frame is associated with."""
 
     points: np.ndarray  # (N', 3) float32 level frame: the kept points
     foreground: np.ndarray  # (N',) float32: foreground probability of the kept points

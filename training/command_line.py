@@ -1,4 +1,4 @@
-"""What train_det.py and train_track.py share: flags, smoke run, the call of the loop."""
+"""Shared by train_det.py and train_track.py: flags, smoke run, the call of the loop."""
 
 from __future__ import annotations
 

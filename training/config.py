@@ -79,7 +79,7 @@ class DetectorTrainingConfig:
     query_points: int = note(
         0,
         "points at which mask and boxes are trained: all foreground and a random part of the "
-        "background, weighted to stand for all of it; 0: all N points",
+        "background, re-weighted to the full background count; 0: all N points",
     )
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)

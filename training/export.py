@@ -36,7 +36,7 @@ def export(path: Path, network: keras.Model, out: Path) -> dict[str, Any]:
 
 
 def describe(meta: dict[str, Any]) -> str:
-    """A table of what made a network and what it reached, as Markdown."""
+    """A Markdown table of a network's training record and last metrics."""
     schedule, record = meta["config"]["schedule"], meta["record"]
     rows = {
         "command": f"`{record['command']}`",

@@ -1,4 +1,4 @@
-"""What a training leaves to read: history.csv, curves as PNG, TensorBoard."""
+"""Logs of a training: history.csv, curves as PNG, TensorBoard."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from common.files import atomic_path, write_text
 
 
 class History:
-    """Rows of figures, one an epoch, kept in history.csv and rewritten whole each time."""
+    """Rows of metrics, one per epoch, kept in history.csv and rewritten whole each time."""
 
     def __init__(self, path: str | Path, last_step: int = 0):
         self.path = Path(path)

@@ -1,4 +1,4 @@
-"""A bird's-eye picture of what the network says about a validation sample."""
+"""A bird's-eye plot of the network's outputs for a validation sample."""
 
 from __future__ import annotations
 

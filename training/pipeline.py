@@ -138,7 +138,7 @@ def dataset(
 
     Args:
         make: (index, position) -> sample, a structure of arrays of fixed shapes.
-        prepare: batch of samples -> what the training step takes (indices are made here).
+        prepare: batch of samples -> input of the training step (indices are made here).
         batches: () -> iterator of (indices, positions), each (batch_size,) int64.
     """
     example = make(*(int(x[0]) for x in next(iter(batches()))))

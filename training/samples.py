@@ -21,7 +21,7 @@ from training.single_scan import split_scan
 
 
 class DetectorSample(NamedTuple):
-    """A scan and what the detector should say at its query points."""
+    """A scan and the targets of the detector at its query points."""
 
     points: np.ndarray  # (N, 3) float32
     query: np.ndarray  # (Q, 3) float32
@@ -115,21 +115,21 @@ def detector_sample(
     transform = SceneTransform.random(augmentation, rng)
     labels, ignored = labels[rows], frame.ignored[rows]
     points, boxes = transform.points(points[rows]), transform.boxes(boxes)
-    asked, weights = _query_rows(labels, ignored, config.query_points, rng)
-    labels = labels[asked]
+    query, weights = _query_rows(labels, ignored, config.query_points, rng)
+    labels = labels[query]
     foreground = labels >= 0
     return DetectorSample(
         points,
-        points[asked],
+        points[query],
         foreground.astype(np.int32),
         weights,
         _box_weights(labels, config.object_balance),
-        _targets(points[asked], boxes, frame.classes, labels, config.detector.box),
+        _targets(points[query], boxes, frame.classes, labels, config.detector.box),
     )
 
 
 def _query_rows(labels, ignored, count: int, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Rows to ask at and their mask weights: the sampled background stands for all of it."""
+    """Query-point rows and mask weights; sampled background is re-weighted to the full count."""
     known = (~ignored | (labels >= 0)).astype(np.float32)
     if not 0 < count < len(labels):
         return np.arange(len(labels)), known
