@@ -24,7 +24,7 @@ from evaluation.config import (
 )
 from evaluation.run import evaluate
 from evaluation.submission import SUBMISSION
-from evaluation.table import overall_table
+from evaluation.table import overall_table, threshold_line
 from kitti.labels import VEHICLES
 from kitti.splits import TEST, parse_sequences
 from metrics.protocols import PROTOCOLS
@@ -48,7 +48,10 @@ def make_parser() -> flags.ArgumentParser:
     add("--seed", type=flags.non_negative_int, default=0, help="of the displacement")
     add("--protocol", help=f"of {','.join(PROTOCOLS)} (default: clear3d; testing: none)")
     add("--iou", type=flags.finite_float, default=0.5, help="least 3-D IoU of a match")
-    add("--score_threshold", help="least mean score of a track, or best (by MOTA)")
+    add(
+        "--score_threshold",
+        help="least mean score of a track, or best (by MOTA of the first --protocol)",
+    )
     add("--out", type=Path, default=Path("results/evaluate"), help="folder for the output")
     return parser
 
@@ -85,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     record = evaluate(config)
     figures = {name: record[name] for name in config.protocols}
     if figures:
-        print(overall_table(figures), end="")
+        print(overall_table(figures) + threshold_line(record["run"]["score_threshold"]), end="")
     print(f"written to {config.out}")
     if config.subset == "testing":
         missing = len(TEST) - len(config.seqs)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import InputError
-from kitti.labels import CLASSES, VEHICLES
+from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.splits import TEST, VAL
+from metrics.kitti_rules import rules_for
 from metrics.protocols import BEST, PROTOCOLS
 
 GROUND_TRUTH = "gt"
@@ -26,7 +27,8 @@ class EvaluateConfig:
         data_root: folder in KITTI's tracking layout.
         subset: "training" or "testing" (no labels: only result files are written).
         seqs: sequence numbers; None for the paper's validation split, or all of testing.
-        classes: what is tracked, and what `clear3d` is limited to on both sides.
+        classes: what is tracked, and what `clear3d` is limited to on both sides; the other
+            protocols evaluate one class at a time.
         detections: "gt", "network", or a folder of detections in AB3DMOT's layout.
         tracker: one of `TRACKERS`.
         weights: folder with detector.npz and tracker.npz, where the networks are needed.
@@ -35,7 +37,8 @@ class EvaluateConfig:
         seed: of the displacement.
         protocols: of `metrics.protocols.PROTOCOLS`; None for clear3d, in testing for none.
         iou: least 3-D IoU of a match in clear3d and kitti3d.
-        score_threshold: least mean score of a track, "best" for that of the best MOTA, or None.
+        score_threshold: least mean score of a track, "best" for that of the best MOTA in the first
+            of the protocols, or None.
         out: folder for the output; None writes nothing.
     """
 
@@ -61,8 +64,14 @@ class EvaluateConfig:
         if self.protocols is None:
             object.__setattr__(self, "protocols", () if testing else ("clear3d",))
         _among("--subset", [self.subset], ("training", "testing"))
+        object.__setattr__(self, "classes", tuple(class_name(name) for name in self.classes))
         _among("--classes", self.classes, [name for name in CLASSES if name != "DontCare"])
         _among("--protocol", self.protocols, PROTOCOLS)
+        for name in self.protocols:
+            if name != "clear3d":
+                rules_for(name, self.classes)
+        if self.score_threshold == BEST and not self.protocols:
+            raise InputError("--score_threshold best is that of a --protocol, found none")
         if not 0 < self.iou <= 1:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
         if not 0 <= self.displacement < math.inf:

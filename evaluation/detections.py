@@ -26,7 +26,7 @@ class DetectionProvider(Protocol):
     """Detections of every frame of a scene."""
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
-        """Yields the frames in order from 0, empty frames included."""
+        """Yields the frames of `scene.frames` in order, empty ones included."""
 
 
 class LabelBoxes:
@@ -38,7 +38,7 @@ class LabelBoxes:
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
         labels = scene.objects.of_classes(self.classes)
-        for found in by_frame(labels, scene.num_frames):
+        for found in by_frame(labels, scene.frames):
             yield replace(found, label_ids=labels.at(found.t).track_id)
 
 
@@ -70,7 +70,7 @@ class DetectionFiles:
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
-        yield from by_frame(scene.displaced(self.detections[scene.name]), scene.num_frames)
+        yield from by_frame(scene.displaced(self.detections[scene.name]), scene.frames)
 
 
 class NetworkStream:
@@ -126,7 +126,7 @@ class NetworkDetections:
         """See `DetectionProvider.frames`."""
         given = None if self.boxes is None else self.boxes.frames(scene)
         stream = NetworkStream(self.network)
-        for t in range(scene.num_frames):
+        for t in scene.frames:
             points = scene.points(t)
             found = stream.detect(np.zeros((0, 3)) if points is None else points, t)
             if given is not None:
@@ -171,12 +171,12 @@ def pooled_appearance(state: FrameState, boxes: np.ndarray) -> np.ndarray:
     return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-9)
 
 
-def by_frame(objects: Objects, num_frames: int) -> Iterator[FrameDetections]:
+def by_frame(objects: Objects, frames: range) -> Iterator[FrameDetections]:
     """Rows with boxes, frame by frame; a missing score counts as 1."""
     scores = np.where(np.isnan(objects.score), 1.0, objects.score)
-    edges = np.searchsorted(objects.frame, np.arange(num_frames + 1))
-    for t in range(num_frames):
-        rows = slice(edges[t], edges[t + 1])
+    edges = np.searchsorted(objects.frame, np.arange(frames.start, frames.stop + 1))
+    for t, first, last in zip(frames, edges[:-1], edges[1:], strict=True):
+        rows = slice(first, last)
         yield FrameDetections(t, objects.boxes[rows], scores[rows], objects.type[rows])
 
 

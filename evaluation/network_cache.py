@@ -99,19 +99,19 @@ class CachedPredictions:
 
     def fill_all(self, scenes: Sequence[Scene], title: str) -> None:
         """Runs the networks over every scene that has no file yet, under a progress bar."""
-        with Progress(sum(scene.num_frames for scene in scenes), title, "frames") as bar:
+        with Progress(sum(len(scene.frames) for scene in scenes), title, "frames") as bar:
             for scene in scenes:
                 if not self.fill(scene, bar.update):
-                    bar.update(scene.num_frames)
+                    bar.update(len(scene.frames))
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
         arrays = self._arrays(scene)
         boxes = np.concatenate([[0], np.cumsum(arrays["box_count"])])
         points = np.concatenate([[0], np.cumsum(arrays["point_count"])])
-        for t in range(len(boxes) - 1):
-            rows, part = slice(boxes[t], boxes[t + 1]), slice(points[t], points[t + 1])
-            motion = {name: arrays[name][part] for name in MOTION} if t else {}
+        for i, t in enumerate(scene.frames):
+            rows, part = slice(boxes[i], boxes[i + 1]), slice(points[i], points[i + 1])
+            motion = {name: arrays[name][part] for name in MOTION} if i else {}
             yield FrameDetections(t, **{name: arrays[name][rows] for name in BOXES}, **motion)
 
     def seconds(self, scene: Scene) -> np.ndarray:
@@ -197,7 +197,7 @@ def _digest_of_file(path: Path) -> bytes:
 def _digest_of_data(scene: Scene) -> bytes:
     """Of labels, calibration and scans; 16 bytes."""
     sequence = scene.sequence
-    digest = hashlib.blake2b(str(scene.num_frames).encode(), digest_size=16)
+    digest = hashlib.blake2b(str(scene.frames).encode(), digest_size=16)
     files = [sequence.folder / "calib" / f"{scene.name}.txt", sequence.label_path]
     files += [sequence.scan_path(t) for t in sequence.frames]
     for path in files:

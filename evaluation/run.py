@@ -29,7 +29,7 @@ from kitti.labels import Objects, write_results
 from kitti.object_shift import ObjectShift
 from kitti.sequence import open_sequences
 from metrics.comparison import track_scores
-from metrics.protocols import Entry, evaluate_protocol
+from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
 
 TRACKS = "tracks"
@@ -57,11 +57,12 @@ def evaluate(
         model = ObjectShift(distance=config.displacement, seed=config.seed)
     sequences = open_sequences(config.data_root, config.seqs, config.subset)
     scenes = [Scene(sequence, model) for sequence in sequences]
-    results = _results(config, scenes, provider)
+    results, threshold = _results(config, scenes, provider)
     figures = score(config, scenes, results)
-    record = {"run": provenance(config=config.record(), data=_data(config, scenes)), **figures}
+    run = provenance(config=config.record(), data=_data(config, scenes))
+    record = {"run": {**run, "score_threshold": threshold}, **figures}
     if config.out is not None:
-        write_text(config.out / "table.md", full_table(figures, record["run"]["command"]))
+        write_text(config.out / "table.md", full_table(figures, run["command"], threshold))
         write_json(config.out / "metrics.json", record)
         if config.subset == "testing":
             files = [config.out / TRACKS / f"{scene.name}.txt" for scene in scenes]
@@ -73,17 +74,15 @@ def score(
     config: EvaluateConfig, scenes: list[Scene], results: Mapping[str, Objects]
 ) -> dict[str, Any]:
     """The figures of every protocol, by name."""
-    entries = [Entry(s.name, s.num_frames, s.objects, results[s.name]) for s in scenes]
+    entries = _entries(scenes, results)
     return {
-        name: evaluate_protocol(
-            name,
-            entries,
-            classes=config.classes,
-            min_iou=config.iou,
-            threshold=config.score_threshold,
-        )
+        name: evaluate_protocol(name, entries, classes=config.classes, min_iou=config.iou)
         for name in config.protocols
     }
+
+
+def _entries(scenes: list[Scene], results: Mapping[str, Objects]) -> list[Entry]:
+    return [Entry(s.name, s.num_frames, s.objects, results[s.name]) for s in scenes]
 
 
 def make_provider(config: EvaluateConfig, scenes: list[Scene]) -> DetectionProvider:
@@ -103,10 +102,10 @@ def run_tracker(
 ) -> dict[str, Objects]:
     """Result rows of every scene, by name."""
     for scene in scenes:
-        scene.check()
+        scene.check(poses=config.tracker == "ab3dmot")
     if provider is None:
         provider = make_provider(config, scenes)
-    with Progress(sum(scene.num_frames for scene in scenes), config.tracker, "frames") as bar:
+    with Progress(sum(len(scene.frames) for scene in scenes), config.tracker, "frames") as bar:
         return {
             scene.name: track_scene(
                 scene, provider, make_tracker(config.tracker), config.classes, bar.update
@@ -117,21 +116,32 @@ def run_tracker(
 
 def _results(
     config: EvaluateConfig, scenes: list[Scene], provider: DetectionProvider | None
-) -> dict[str, Objects]:
-    """What is evaluated: always the rows as a result file has them, rounding included."""
+) -> tuple[dict[str, Objects], float | None]:
+    """The evaluated rows, as a result file has them after rounding, and the score threshold.
+
+    Tracks below the threshold are left out, in the files of `config.out` too.
+    """
     if config.results is not None:
         check_folder(config.results)
-        return _read(config.results, scenes)
-    tracked = run_tracker(config, scenes, provider)
-    if isinstance(config.score_threshold, float):
-        tracked = {
-            name: rows[track_scores(rows) >= config.score_threshold]
-            for name, rows in tracked.items()
-        }
-    if config.out is not None:
-        return _write(config.out / TRACKS, scenes, tracked)
+        return _above_threshold(config, scenes, _read(config.results, scenes))
     with tempfile.TemporaryDirectory() as folder:
-        return _write(Path(folder), scenes, tracked)
+        tracked = _write(Path(folder), scenes, run_tracker(config, scenes, provider))
+    kept, threshold = _above_threshold(config, scenes, tracked)
+    if config.out is not None:
+        kept = _write(config.out / TRACKS, scenes, kept)
+    return kept, threshold
+
+
+def _above_threshold(
+    config: EvaluateConfig, scenes: list[Scene], results: dict[str, Objects]
+) -> tuple[dict[str, Objects], float | None]:
+    threshold = config.score_threshold
+    if threshold == BEST:
+        entries = _entries(scenes, results)
+        threshold = best_threshold(config.protocols[0], entries, config.classes, config.iou)
+    if threshold is None:
+        return results, None
+    return {n: rows[track_scores(rows) >= threshold] for n, rows in results.items()}, threshold
 
 
 def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) -> dict[str, Objects]:
@@ -164,7 +174,7 @@ def _data(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Any]:
     labels = [scene.objects.of_classes(config.classes) for scene in scenes]
     return {
         "sequences": [scene.name for scene in scenes],
-        "frames": sum(scene.num_frames for scene in scenes),
+        "frames": sum(len(scene.frames) for scene in scenes),
         "labelled_boxes": sum(map(len, labels)),
-        "poses": all(scene.sequence.poses is not None for scene in scenes),
+        "poses": all(scene.sequence.has_poses for scene in scenes),
     }

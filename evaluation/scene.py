@@ -26,11 +26,12 @@ class Scene:
 
     def __init__(self, sequence: Sequence, model: ObjectShift | None = None):
         self.sequence, self.model = sequence, model
-        self.name, self.num_frames = sequence.name, sequence.num_frames
+        self.name = sequence.name
+        self.frames, self.num_frames = sequence.frames, sequence.num_frames
 
-    def check(self) -> None:
-        """Reads labels, calibration and poses, so that a bad file is found before any work."""
-        _ = self.objects, self.sequence.calib, self.ego_motions
+    def check(self, poses: bool) -> None:
+        """Reads labels, calibration and, if asked, poses: a bad file is found before any work."""
+        _ = self.objects, self.sequence.calib, self.ego_motions if poses else None
 
     @cached_property
     def _offsets(self) -> np.ndarray:

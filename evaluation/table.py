@@ -7,7 +7,7 @@ from typing import Any
 
 from common.markdown import cell, markdown
 
-__all__ = ["cell", "full_table", "markdown", "overall_table"]
+__all__ = ["cell", "full_table", "markdown", "overall_table", "threshold_line"]
 
 COUNTS = ("IDS", "FRAG", "TP", "FP", "FN", "GT")
 CLEAR_COLUMNS = ("MOTA", "MOTP", "MT", "ML", *COUNTS)
@@ -28,9 +28,15 @@ def overall_table(figures: Mapping[str, Any]) -> str:
     return text
 
 
-def full_table(figures: Mapping[str, Any], command: str) -> str:
+def threshold_line(threshold: float | None) -> str:
+    """A sentence on the score threshold of the tracks; empty without one."""
+    return "" if threshold is None else f"Tracks with a mean score of at least {threshold!r}.\n"
+
+
+def full_table(figures: Mapping[str, Any], command: str, threshold: float | None) -> str:
     """`table.md`: over all sequences, then one table per protocol with a row per sequence."""
-    text = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n\n{overall_table(figures)}"
+    head = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(threshold)}"
+    text = f"{head}\n{overall_table(figures)}"
     for name, part in figures.items():
         columns = list(part["overall"] if name == "hota" else CLEAR_COLUMNS)
         rows = [

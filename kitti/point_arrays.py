@@ -58,7 +58,7 @@ def _returns(points: np.ndarray) -> tuple[np.ndarray, int]:
         raise InputError(
             f"expected metres, found {far} of {len(points)} points beyond {MAX_RANGE:.0f} m"
         )
-    with np.errstate(over="ignore"):  # an intensity may be any number
+    with np.errstate(over="ignore", invalid="ignore"):  # an intensity may be any number
         return points[near].astype(np.float32), len(points) - int(near.sum())
 
 
@@ -74,4 +74,5 @@ def from_fields(array: np.ndarray) -> np.ndarray:
     if None in wanted or any(array.dtype[name].kind not in "fiu" for name in wanted):
         found = ", ".join(array.dtype.names)
         raise InputError(f"expected fields x, y, z (and intensity) of numbers, found {found}")
-    return np.stack([array[name].ravel().astype(np.float64) for name in wanted], axis=1)
+    with np.errstate(invalid="ignore"):  # of signalling NaN
+        return np.stack([array[name].ravel().astype(np.float64) for name in wanted], axis=1)

@@ -7,6 +7,7 @@ which they are plausible are then searched for and named in the error.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ _CANDIDATES = (
 _DTYPES = ("<f4", "<f8", ">f4")
 _NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4"}
 _MILLIMETRES = "; --scan_scale 0.001 reads millimetres"
+_DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])")
 _FAR = 500.0  # metres; no automotive scanner measures farther
 _MAX_INTENSITY = 65535.0
 _MAX_RING = 255.0
@@ -52,13 +54,10 @@ class ScanLayout:
             if any(bare.count(axis) != 1 for axis in "xyz") or bare.count("i") > 1:
                 found = ",".join(self.columns)
                 raise InputError(f"--scan_columns: expected x, y, z once, like x,y,z,i: {found!r}")
-        try:
-            if self.dtype is not None and np.dtype(self.dtype).kind not in "fiu":
-                raise TypeError
-        except (TypeError, ValueError) as error:
+        if self.dtype is not None and _DTYPE.fullmatch(self.dtype) is None:
             raise InputError(
-                f"--scan_dtype: expected such as float32, float64, int16, found {self.dtype!r}"
-            ) from error
+                f"--scan_dtype: expected such as float32, float64, int16, >f4, found {self.dtype!r}"
+            )
         if not 0 < self.scale < np.inf:
             raise InputError(f"--scan_scale: expected metres above 0, found {self.scale}")
 
@@ -103,9 +102,10 @@ def named_columns(numbers: np.ndarray, columns: tuple[str, ...], scale: float = 
     points = np.stack([numbers[:, bare.index(name)] for name in wanted], axis=1)
     turned = [axis for axis, name in enumerate("xyz") if f"-{name}" in columns]
     if turned or scale != 1.0:
-        points = points.astype(np.float64)
-        points[:, turned] *= -1.0
-        points[:, :3] *= scale
+        with np.errstate(all="ignore"):
+            points = points.astype(np.float64)
+            points[:, turned] *= -1.0
+            points[:, :3] *= scale
     return points
 
 

@@ -56,7 +56,8 @@ def _cloud(array: np.ndarray, layout: ScanLayout, path: str | Path) -> np.ndarra
         return array
     names = array.dtype.names
     if names is not None:
-        array = np.stack([array[name].ravel() for name in names], axis=-1).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # of signalling NaN
+            array = np.stack([array[name].ravel() for name in names], axis=-1).astype(np.float64)
     elif array.ndim >= 2:
         array = array.reshape(-1, array.shape[-1])
     columns = layout.columns or tuple(names or "xyzi"[: array.shape[-1]])

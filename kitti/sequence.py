@@ -164,6 +164,15 @@ class Sequence:
         usable = [t for t in self.frames if not scans or self.has_scan(t)]
         return [(a, b) for a, b in pairwise(usable) if b == a + 1]
 
+    @property
+    def _poses_path(self) -> Path:
+        return self.data_root / "poses" / f"{self.name}.txt"
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether there is a file of poses."""
+        return self.subset == "training" and self._poses_path.exists()
+
     @cached_property
     def poses(self) -> np.ndarray | None:
         """(F or more, 4, 4) float64: level frame of frame t -> level frame of frame 0.
@@ -171,9 +180,9 @@ class Sequence:
         From `data_root/poses/00XX.txt` (KITTI odometry's layout, camera 0); None without it.
         The published poses are of the training sequences, so testing has none.
         """
-        path = self.data_root / "poses" / f"{self.name}.txt"
-        if self.subset == "testing" or not path.exists():
+        if not self.has_poses:
             return None
+        path = self._poses_path
         table = read_table(path, (12,))
         if len(table) < self.num_frames:
             expected = f"expected {self.num_frames} rows (a pose per frame), found {len(table)}"

@@ -1,0 +1,1 @@
+"""Campaigns against damaged input (`make fuzz`) and against killed processes (`make kill`)."""

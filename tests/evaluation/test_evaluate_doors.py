@@ -1,0 +1,132 @@
+"""evaluate.py on data as people have them: half sequences, other layouts, thresholds, classes."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import tiny_kitti
+
+import evaluate
+from kitti.boxes import camera_from_level
+from kitti.labels import read_labels, read_results, write_labels
+from kitti.seqmap import SEQMAP
+from metrics.protocols import PROTOCOLS
+
+ALL = ",".join(PROTOCOLS)
+TRACKERS = ("sort", "sort_image", "deep_sort", "ab3dmot", "gt_displacement")
+
+
+def run(root, out, *argv) -> dict:
+    """Sequence 0000; returns metrics.json."""
+    arguments = ["--data_root", root, "--seqs", "0000", "--out", out, *argv]
+    assert evaluate.main([str(value) for value in arguments]) is None
+    return json.loads((out / "metrics.json").read_text())
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A data set that a test may change."""
+    return tiny_kitti.make(tmp_path / "kitti")
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_a_half_sequence_is_a_sequence_of_its_own(root, tmp_path, tracker):
+    """Frames 6 to 11 by the seqmap give the figures of a sequence that is cut and renumbered."""
+    (root / "training" / f"{SEQMAP}.training").write_text("0000 empty 000006 000011\n")
+    half = run(root, tmp_path / "half", "--tracker", tracker, "--protocol", ALL)
+    assert half["run"]["data"]["frames"] == 6
+    rows = read_results(tmp_path / "half" / "tracks" / "0000.txt")
+    assert rows.frame.min() >= 6
+
+    cut = tiny_kitti.make(tmp_path / "cut")
+    label = cut / "training" / "label_02" / "0000.txt"
+    labels = read_labels(label)
+    labels = labels[labels.frame >= 6]
+    labels.frame[:] -= 6
+    write_labels(label, labels)
+    (cut / "training" / f"{SEQMAP}.training").unlink()
+    alone = run(cut, tmp_path / "alone", "--tracker", tracker, "--protocol", ALL)
+    for name in PROTOCOLS:
+        assert half[name] == alone[name], name
+
+
+def test_results_of_the_whole_sequence_are_cut_to_the_half(root, tmp_path):
+    run(root, tmp_path / "whole")
+    (root / "training" / f"{SEQMAP}.training").write_text("0000 empty 000006 000011\n")
+    figures = run(root, tmp_path / "half", "--results", tmp_path / "whole" / "tracks")
+    assert figures["clear3d"]["overall"]["GT"] == figures["clear3d"]["overall"]["TP"] == 18
+
+
+def test_poses_are_read_by_the_tracker_that_uses_them_alone(root, tmp_path, fails):
+    (root / "poses").mkdir()
+    (root / "poses" / "0000.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 5)
+    assert run(root, tmp_path / "a", "--tracker", "sort")["clear3d"]["overall"]["TP"] > 0
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "b")
+    assert "a pose per frame" in fails(*given, "--tracker", "ab3dmot")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_best_threshold_is_recorded_and_its_files_give_the_same_figures(root, tmp_path, protocol):
+    good = (root / "detections" / "0000.txt").read_text().replace(",5.0000,", ",0.9,")
+    ghosts = ""
+    for line in good.splitlines()[::2]:
+        words = line.split(",")
+        words[2:6] = "20", "100", "60", "160"
+        words[6], words[10] = "0.1", "-9.0"  # score and x: a false alarm aside of the road
+        ghosts += ",".join(words) + "\n"
+    folder = tmp_path / "detections"
+    folder.mkdir()
+    (folder / "0000.txt").write_text(good + ghosts)
+    argv = ("--classes", "Car", "--protocol", protocol)
+    with_best = ("--detections", folder, "--tracker", "sort", "--score_threshold", "best")
+    best = run(root, tmp_path / "a", *with_best, *argv)
+    threshold = best["run"]["score_threshold"]
+    assert 0.1 < threshold < 0.95
+    assert repr(threshold) in (tmp_path / "a" / "table.md").read_text()
+    scores = read_results(tmp_path / "a" / "tracks" / "0000.txt").score
+    assert len(scores) and scores.min() > 0.5
+    again = run(root, tmp_path / "b", "--results", tmp_path / "a" / "tracks", *argv)
+    assert again[protocol] == best[protocol]
+
+
+def test_detections_per_frame_give_the_tracks_of_those_per_sequence(root, tmp_path):
+    rows = read_labels(root / "training" / "label_02" / "0000.txt").of_classes(("Car",))
+    camera = np.stack(camera_from_level(rows.boxes), axis=1)
+    folder = tmp_path / "frames" / "0000"
+    folder.mkdir(parents=True)
+    for t in range(12):
+        lines = [
+            f"car 0 0 0 {' '.join(f'{v:.4f}' for v in (*bbox, *box))} 5.0\n"
+            for bbox, box in zip(rows.bbox[rows.frame == t], camera[rows.frame == t], strict=True)
+        ]
+        (folder / f"{t:06d}.txt").write_text("".join(lines))
+    argv = ("--tracker", "ab3dmot", "--classes", "car")
+    run(root, tmp_path / "a", *argv, "--detections", tmp_path / "frames")
+    run(root, tmp_path / "b", *argv, "--detections", root / "detections")
+    texts = [(tmp_path / name / "tracks" / "0000.txt").read_text() for name in "ab"]
+    assert texts[0] == texts[1] != ""
+
+
+@pytest.mark.parametrize("protocol", ["kitti2d", "kitti3d", "hota"])
+def test_pedestrians_are_evaluated_and_other_classes_refused(root, tmp_path, fails, protocol):
+    people = root / "training" / "label_02" / "0000.txt"
+    people.write_text(people.read_text().replace("Car", "Pedestrian"))
+    argv = ("--classes", "pedestrian", "--protocol", protocol)
+    overall = run(root, tmp_path / "a", "--tracker", "gt_displacement", *argv)[protocol]["overall"]
+    assert overall.get("MOTA", overall.get("HOTA")) == pytest.approx(1.0)
+    shutil.rmtree(tmp_path / "a")
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "a")
+    for classes in ("Tram", "Car,Pedestrian"):
+        message = fails(*given, "--classes", classes, "--protocol", protocol)
+        assert f"--classes: {protocol} evaluates one class of Car, Pedestrian" in message
+    assert not (tmp_path / "a").exists()
+
+
+def test_detections_that_go_on_after_the_labels(root, tmp_path, fails):
+    (root / "training" / f"{SEQMAP}.training").unlink()
+    path = root / "detections" / "0000.txt"
+    path.write_text(path.read_text() + path.read_text().splitlines()[-1].replace("11,", "12,", 1))
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "a", "--tracker", "sort")
+    message = fails(*given, "--detections", root / "detections")
+    assert "expected 0 to 11, where the labels" in message and "seqmap sets the frames" in message
