@@ -21,11 +21,11 @@ from typing import Any
 from common.errors import InputError
 from common.files import copy_folder, write_json
 from common.flags import ArgumentParser, run
-from common.provenance import ROOT, git_commit, provenance
+from common.provenance import ROOT, git_commit
 from common.steps import Steps
 
 RECIPE = Path(__file__).with_suffix(".json")
-RECORD = "recipe.json"  # in the workdir and beside the weights
+RECORD = "recipe.json"  # of the workdir: command and commit of every stage begun
 
 
 @dataclass(frozen=True)
@@ -96,37 +96,40 @@ def run_stage(stage: Stage) -> None:
 def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool) -> None:
     """Runs the stages that are not done and copies the weights to `out`.
 
+    `work`/recipe.json holds the command and the commit of every stage that was begun.
+
     Raises:
-        InputError: the tree has changes, the workdir belongs to another commit or other stages, or
-            a stage fails.
+        InputError: the tree has changes, a stage was begun with another command or at another
+            commit, or a stage fails.
     """
     commit = git_commit()
     if not allow_changes and (commit is None or commit.endswith("+changes")):
         raise InputError("the tree differs from its commit: commit first, or give --allow_changes")
-    record = {"commit": commit, "stages": [list(stage.command) for stage in stages]}
-    path = work / RECORD
-    if path.is_file():
-        _same_recipe(path, record, allow_changes)
-    else:
-        write_json(path, {**record, "run": provenance()})
-    steps = Steps(work)
+    path, steps = work / RECORD, Steps(work)
+    begun = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    for stage in stages:
+        if stage.name in begun and begun[stage.name]["command"] != list(stage.command):
+            raise InputError(
+                f"{stage.name}: was begun with another command: choose another --workdir", path
+            )
+
+    def begin(stage: Stage) -> None:
+        started = begun.setdefault(stage.name, {"command": list(stage.command), "commit": commit})
+        if started["commit"] != commit and not allow_changes:
+            raise InputError(
+                f"{stage.name}: was begun at commit {started['commit']}: check it out, or give "
+                "--allow_changes",
+                path,
+            )
+        write_json(path, begun)
+        run_stage(stage)
+
     for number, stage in enumerate(stages, 1):
         print(f"stage {number} of {len(stages)}: {stage.name}", flush=True)
-        if not steps.run(stage.name, shlex.join(stage.command), [], lambda s=stage: run_stage(s)):
+        if not steps.run(stage.name, shlex.join(stage.command), [], lambda s=stage: begin(s)):
             print("done before", flush=True)
     copy_folder(work / "weights", out)
     print(f"written to {out}")
-
-
-def _same_recipe(path: Path, record: dict[str, Any], allow_changes: bool) -> None:
-    found = json.loads(path.read_text(encoding="utf-8"))
-    if found.get("stages") != record["stages"]:
-        raise InputError("was begun with other stages or data: choose another --workdir", path)
-    if found.get("commit") != record["commit"] and not allow_changes:
-        raise InputError(
-            f"was begun at commit {found.get('commit')}: check it out, or give --allow_changes",
-            path,
-        )
 
 
 def main(argv: Sequence[str] | None = None) -> None:

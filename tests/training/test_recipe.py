@@ -66,11 +66,15 @@ def test_stages_run_once_and_a_failed_one_again(tmp_path, capfd, monkeypatch):
     assert broken.read_text() == "xx"
     assert not out.exists()
     assert "stage 1 of 2: one" in capfd.readouterr().out
-    with pytest.raises(InputError, match="begun with other stages"):
-        make_weights(stages[:1], work, out, allow_changes=False)
+    other = [Stage("one", ("-c", "pass"))]
+    with pytest.raises(InputError, match="one: was begun with another command"):
+        make_weights(other, work, out, allow_changes=False)
     monkeypatch.setattr(recipe, "git_commit", lambda: "def")
-    with pytest.raises(InputError, match="begun at commit abc"):
+    with pytest.raises(InputError, match="two: was begun at commit abc"):
         make_weights(stages, work, out, allow_changes=False)
+    assert broken.read_text() == "xx"
+    make_weights(stages[:1], work, out, allow_changes=False)  # done at the other commit
+    assert (out / "done").read_text() == "x"
 
 
 def test_finished_weights_are_copied(tmp_path, monkeypatch):
