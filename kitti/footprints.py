@@ -29,8 +29,3 @@ def footprints_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         common = common & (2 * np.abs(c * x + s * y) < own[0] + other[0])
         common = common & (2 * np.abs(c * y - s * x) < own[1] + other[1])
     return common
-
-
-def overlaps_any(box: np.ndarray, others: np.ndarray) -> bool:
-    """Whether a box (7,) overlaps one of (M, 7) seen from above."""
-    return bool(footprints_overlap(box, np.reshape(others, (-1, 7))).any())

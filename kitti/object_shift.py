@@ -88,16 +88,13 @@ class ObjectShift:
         if self.hold:  # all frames of an object move alike
             crowded = np.flatnonzero(np.isin(track_id, track_id[crowded]) & (track_id >= 0))
             shift[crowded], now[crowded] = 0.0, boxes[crowded]
+        tries = self._draws(frame[crowded], track_id[crowded], seq, ATTEMPTS)
         for number in np.unique(track_id[crowded]):
-            rows = crowded[track_id[crowded] == number]
-            chosen = np.isin(row, rows)
+            own = np.flatnonzero(track_id[crowded] == number)
+            rows = crowded[own]
+            chosen = np.flatnonzero(track_id[row] == number)
             owner = np.searchsorted(rows, row[chosen])
-            shift[rows] = self._first_clear(
-                boxes[rows],
-                owner,
-                now[partner[chosen]],
-                self._draws(frame[rows], track_id[rows], seq, ATTEMPTS),
-            )
+            shift[rows] = self._first_clear(boxes[rows], owner, now[partner[chosen]], tries[own])
             now[rows, :2] += shift[rows]
         return shift
 

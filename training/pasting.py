@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kitti.boxes import points_in_boxes, wrap_angle
-from kitti.footprints import overlaps_any
+from kitti.footprints import footprints_overlap
 from kitti.ground import GroundModel
 from training.frames import LabelledFrame
 from training.object_bank import CutObject, ObjectBank, view
@@ -34,81 +34,95 @@ def paste_objects(
     """
     if not bank or not len(frame.points):
         return frame
-    edges = view(frame.points)
-    rays = _rays(frame.points)
+    edges, rays = view(frame.points), _rays(frame.points)
     for _ in range(count):
         cut = bank.draw(rng)
-        for azimuth in rng.uniform(*edges, PLACES):
-            points, box = _place(cut, azimuth, frame.ground_model)
-            pasted = _pasted(frame, rays, points, box, cut, edges)
+        turns = rng.uniform(*edges, PLACES) - np.arctan2(cut.box[1], cut.box[0])
+        boxes = _placed_boxes(cut, turns, frame.ground_model)
+        for place in np.flatnonzero(_has_room(cut, boxes, frame)):
+            points = _turned(cut.points, turns[place])
+            points[:, 2] += np.float32(boxes[place, 2] - cut.box[2])
+            pasted = _pasted(frame, rays, points, boxes[place], cut.class_index, edges)
             if pasted is not None:
                 frame, rays = pasted
                 break
     return frame
 
 
-def _place(cut: CutObject, azimuth: float, ground: GroundModel) -> tuple[np.ndarray, np.ndarray]:
-    """Points and box turned about the sensor to an azimuth (of the box's centre), on the ground."""
-    turn = azimuth - np.arctan2(cut.box[1], cut.box[0])
+def _turned(xyz: np.ndarray, turn: float) -> np.ndarray:
+    """(n, >= 3) turned about the sensor's vertical axis by radians."""
     c, s = np.cos(turn), np.sin(turn)
-    points, box = cut.points.copy(), cut.box.copy()
-    for xy in (points[:, :2], box[None, :2]):
-        xy[:] = xy @ np.array([[c, s], [-s, c]])
-    box[6] = wrap_angle(box[6] + turn)
-    rise = ground.height(box[None])[0] - (box[2] - box[5] / 2)
-    box[2] += rise
-    points[:, 2] += np.float32(rise)
-    return points, box
+    turned = xyz.copy()
+    turned[:, :2] = xyz[:, :2] @ np.array([[c, s], [-s, c]], xyz.dtype)
+    return turned
 
 
-def _pasted(frame, rays, points, box, cut: CutObject, edges):
-    """The frame with an object added and the rays of its points; None where it has no room."""
+def _placed_boxes(cut: CutObject, turns: np.ndarray, ground: GroundModel) -> np.ndarray:
+    """(P, 7): the object's box turned about the sensor by each turn (P,), on the ground."""
+    boxes = np.concatenate([_turned(cut.box[None], turn) for turn in turns])
+    boxes[:, 6] = wrap_angle(boxes[:, 6] + turns)
+    boxes[:, 2] = ground.height(boxes) + boxes[:, 5] / 2
+    return boxes
+
+
+def _has_room(cut: CutObject, boxes: np.ndarray, frame: LabelledFrame) -> np.ndarray:
+    """(P,) bool: on ground about as high as the object's own, and clear of all labelled boxes."""
+    wide = boxes + np.array([0, 0, 0, 2 * ROOM, 2 * ROOM, 0, 0])
     everything = np.concatenate([frame.boxes, frame.other_boxes])
-    wide = box + np.array([0, 0, 0, 2 * ROOM, 2 * ROOM, 0, 0])
-    if abs(box[2] - cut.box[2]) > MAX_STEP or overlaps_any(wide, everything):
-        return None
+    taken = footprints_overlap(wide[:, None], everything[None]).any(axis=1)
+    return ~taken & (np.abs(boxes[:, 2] - cut.box[2]) <= MAX_STEP)
+
+
+def _pasted(frame, rays, points, box, class_index: int, edges):
+    """The frame with an object added and the rays of its points; None where it is not seen."""
     own = _rays(points)
-    low, high = own[:, :2].min(axis=0) - 2 * CELL, own[:, :2].max(axis=0) + 2 * CELL
-    near = np.flatnonzero((rays[:, 0] > low[0]) & (rays[:, 0] < high[0]))
-    near = near[(rays[near, 1] > low[1]) & (rays[near, 1] < high[1])]
-    inside = near[(points_in_boxes(frame.points[near], box[None]) == 0) & ~frame.ground[near]]
+    low, high = own[:2].min(axis=1) - 2 * CELL, own[:2].max(axis=1) + 2 * CELL
+    near = np.flatnonzero((rays[0] > low[0]) & (rays[0] < high[0]))
+    near = near[(rays[1, near] > low[1]) & (rays[1, near] < high[1])]
+    standing = ~frame.ground[near]
+    inside = near[(points_in_boxes(frame.points[near], box[None]) == 0) & standing]
     if len(inside) > MAX_INSIDE:
         return None
-    grid = np.full(((high - low) / CELL).astype(int) + 1, np.inf)
-    cells = tuple(((own[:, :2] - low) / CELL).astype(int).T)
-    scan_cells = ((rays[:, :2][near] - low) / CELL).astype(int).T
-    standing = ~frame.ground[near]
-    before = _nearest(grid, scan_cells[:, standing], rays[near[standing], 2])
-    visible = (own[:, 2] < before[cells] + BEHIND) & (own[:, 0] > edges[0]) & (own[:, 0] < edges[1])
-    if np.count_nonzero(visible) < MIN_VISIBLE:
+    shape = ((high - low) / CELL).astype(int) + 1
+    cells, own_cells = _cells(rays[:, near], low), _cells(own, low)
+    before = _nearest(shape, cells[:, standing], rays[2, near[standing]])
+    visible = own[2] < before[tuple(own_cells)] + BEHIND
+    visible &= (own[0] > edges[0]) & (own[0] < edges[1])
+    seen = np.count_nonzero(visible)
+    if seen < MIN_VISIBLE:
         return None
-    silhouette = _widened(_nearest(grid, np.array(cells)[:, visible], own[visible, 2]))
-    keep = np.ones(len(rays), bool)
-    keep[near[rays[near, 2] > silhouette[tuple(scan_cells)] + BEHIND]] = False
+    silhouette = _widened(_nearest(shape, own_cells[:, visible], own[2, visible]))
+    keep = np.ones(len(frame.points), bool)
+    keep[near[rays[2, near] > silhouette[tuple(cells)] + BEHIND]] = False
     keep[inside] = False
-    points, own, nothing = points[visible], own[visible], np.zeros(np.count_nonzero(visible), bool)
+    nothing = np.zeros(seen, bool)
     ids = np.concatenate([frame.track_ids, frame.other_ids])
     added = frame._replace(
-        points=np.concatenate([frame.points[keep], points]),
+        points=np.concatenate([frame.points[keep], points[visible]]),
         ground=np.concatenate([frame.ground[keep], nothing]),
         ignored=np.concatenate([frame.ignored[keep], nothing]),
         boxes=np.concatenate([frame.boxes, box[None]]),
-        classes=np.append(frame.classes, np.int32(cut.class_index)),
+        classes=np.append(frame.classes, np.int32(class_index)),
         track_ids=np.append(frame.track_ids, ids.max(initial=-1) + 1),
     )
-    return added, np.concatenate([rays[keep], own])
+    return added, np.concatenate([rays[:, keep], own[:, visible]], axis=1)
 
 
 def _rays(points: np.ndarray) -> np.ndarray:
-    """(n, 3) level points -> (n, 3) float32 azimuth, elevation (radians) and range (metres)."""
-    x, y, z = points.T
+    """(n, 3) level points -> (3, n) float32 azimuth, elevation (radians) and range (metres)."""
+    x, y, z = np.ascontiguousarray(points.T)
     flat = np.hypot(x, y)
-    return np.stack([np.arctan2(y, x), np.arctan2(z, flat), np.hypot(flat, z)], axis=1)
+    return np.stack([np.arctan2(y, x), np.arctan2(z, flat), np.hypot(flat, z)])
 
 
-def _nearest(grid: np.ndarray, cells: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """Least range in each cell of an empty grid; infinite where there is none."""
-    least = grid.copy()
+def _cells(rays: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """(3, n) rays -> (2, n) cells of azimuth and elevation, counted from `low`."""
+    return ((rays[:2] - low[:, None]) / CELL[:, None]).astype(int)
+
+
+def _nearest(shape: np.ndarray, cells: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """Least range in each cell of a grid of that shape; infinite where there is none."""
+    least = np.full(shape, np.inf)
     np.minimum.at(least, tuple(cells), ranges)
     return least
 

@@ -1,11 +1,10 @@
 """Overlap seen from above against exact areas."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kitti.footprints import footprints_overlap, overlaps_any
+from kitti.footprints import footprints_overlap
 from kitti.iou import iou_bev
 
 CAR = np.array([20.0, 0, 0, 4, 2, 1.5, 0.3])
@@ -29,8 +28,3 @@ def test_touching_boxes_and_missing_boxes_overlap_nothing():
     assert not footprints_overlap(square, beside)
     assert footprints_overlap(square, beside - np.array([0.01, 0, 0, 0, 0, 0, 0]))
     assert not footprints_overlap(CAR, np.full(7, np.nan))
-
-
-@pytest.mark.parametrize(("others", "expected"), [([], False), ([CAR], True)])
-def test_one_box_against_several(others, expected):
-    assert overlaps_any(CAR, np.array(others)) is expected
