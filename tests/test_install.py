@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sysconfig
@@ -14,6 +15,7 @@ import pytest
 import pointtracknet
 from common.provenance import ROOT
 
+DEVELOPMENT = {"tensorboard", "pytest", "pytest-xdist", "hypothesis", "ruff", "clang-format"}
 LEFT_OUT = (".*", "__pycache__", "data", "results", "runs", "tests", "docs", "*.egg-info")
 PROGRAM = """
 import numpy as np
@@ -59,6 +61,14 @@ def test_the_library_runs_in_another_folder(tmp_path):
     shape, *files = _run(python, "-c", PROGRAM, cwd=other, TF_CPP_MIN_LOG_LEVEL="3").split()
     assert shape == "True"
     assert [Path(file).is_relative_to(checkout) for file in files] == [True, True]
+
+
+def test_the_package_depends_on_what_make_installs():
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^dependencies = \[(.*?)^\]", text, re.DOTALL | re.MULTILINE)
+    installed = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    needed = {line for line in installed if re.match(r"\w", line)} - DEVELOPMENT - {"setuptools"}
+    assert set(re.findall(r'"([\w-]+)', block)) == needed
 
 
 def test_a_weights_folder_of_the_working_directory_comes_first(tmp_path, monkeypatch):
