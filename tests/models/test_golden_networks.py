@@ -31,7 +31,7 @@ def assert_same_gradients(network, losses):
 
 
 def test_the_detector():
-    tf.keras.utils.set_random_seed(0)
+    tf.keras.utils.set_random_seed(1)  # no value so near a ReLU's kink that rounding decides
     detector = Detector(SMALL_DETECTOR)
     randomize_norms(detector)
     inputs = detector_inputs(cloud(2, 128), SMALL_DETECTOR)
