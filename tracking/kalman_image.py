@@ -56,12 +56,3 @@ class KalmanImage:
 def _measure(box: np.ndarray) -> np.ndarray:
     width, height = box[2] - box[0], box[3] - box[1]
     return np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2, width * height, width / height])
-
-
-def iou_2d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """IoU of axis-aligned boxes (x1, y1, x2, y2): (M, 4), (K, 4) -> (M, K) float64."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    common = np.clip(high - low, 0, None).prod(axis=-1)
-    areas = [(boxes[:, 2:] - boxes[:, :2]).prod(axis=1) for boxes in (a, b)]
-    return common / (areas[0][:, None] + areas[1][None] - common)

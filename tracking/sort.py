@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.errors import InputError
+from kitti.image_boxes import iou_2d
 from kitti.iou import iou_3d
 from tracking.frame_detections import FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.kalman_box import KalmanBox, Noise
-from tracking.kalman_image import KalmanImage, iou_2d
+from tracking.kalman_image import KalmanImage
 from tracking.kalman_tracker import KalmanTracker
 from tracking.life_cycle import Track
 

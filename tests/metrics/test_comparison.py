@@ -3,7 +3,7 @@
 import numpy as np
 from metric_cases import random_entry, rows
 
-from kitti.image_boxes import covered, iou_2d
+from kitti.image_boxes import iou_2d
 from metrics.comparison import compare, rows_by_frame, track_scores
 
 
@@ -25,11 +25,3 @@ def test_above_keeps_whole_tracks():
     for track in np.unique(entry.results.track_id):
         assert len(set(keep[entry.results.track_id == track])) == 1
     assert found.above(None).all() and 0 < keep.sum() < len(keep)
-
-
-def test_image_overlap():
-    a = np.array([[0, 0, 10, 10], [0, 0, 0, 10]], float)
-    b = np.array([[5, 0, 15, 10], [20, 20, 30, 30]], float)
-    assert iou_2d(a, b).tolist() == [[50 / 150, 0.0], [0.0, 0.0]]
-    assert covered(a, b).tolist() == [[0.5, 0.0], [0.0, 0.0]]
-    assert iou_2d(a[:0], b).shape == (0, 2)
