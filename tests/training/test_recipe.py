@@ -25,6 +25,15 @@ ALL = {
 }
 
 
+def test_the_commands_of_other_programs_parse():
+    from simulator.__main__ import parser as simulator_parser
+
+    stages = [s for s in stages_of(RECIPE_VALUES, ALL) if s.command[:2] == ("-m", "simulator")]
+    assert len(stages) == 3
+    for stage in stages:
+        simulator_parser().parse_args(stage.command[2:])
+
+
 def command(stages: list[Stage], program: str) -> list[str]:
     return next(list(s.command[1:]) for s in stages if s.command[0] == program)
 
