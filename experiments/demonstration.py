@@ -20,15 +20,17 @@ from evaluation.run import TRACKS, check_writable
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_cached
 from experiments.comparison_table import HEADER, comparison_markdown, comparison_rows
-from kitti.labels import read_results
+from kitti.labels import Objects, read_results
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
 from visualization.clip import Clip
-from visualization.gallery import draw_network, draw_tracks, pictures
+from visualization.gallery import draw_network, draw_scene, draw_tracks, pictures
 from visualization.page import page
 
 TRACKING_SOURCES = ("tracking/*.py", "metrics/*.py", "evaluation/*.py", "kitti/*.py")
-PICTURE_SOURCES = ("visualization/*.py",)
+PICTURE_SOURCES = ("visualization/*.py", "visualization/web/*")
+SCENE = "scene.html"
+SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
 TITLE = "PointTrackNet: trackers side by side"
 
 
@@ -76,6 +78,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     demo.record()
     records = {d: demo.evaluate(d) for d in config.displacements}
     demo.draw()
+    demo.draw_drive()
     return demo.report(records)
 
 
@@ -153,7 +156,7 @@ class Demo:
         """PointTrackNet's tracks of one sequence, at every displacement."""
         scenes = [scenes[self._shown] for scenes in self.scenes.values()]
         return [
-            Clip.of_scene(scene, self._tracks(distance, scene))
+            Clip.of_scene(scene, self._tracks(distance, scene, "pointtracknet"))
             for distance, scene in zip(self.scenes, scenes, strict=True)
         ]
 
@@ -164,8 +167,8 @@ class Demo:
         counts = [len(scene.objects.of_classes(self.evaluation(0).classes)) for scene in first]
         return counts.index(max(counts))
 
-    def _tracks(self, distance: float, scene: Scene):
-        folder = self.folder(distance, "pointtracknet") / TRACKS
+    def _tracks(self, distance: float, scene: Scene, tracker: str) -> Objects:
+        folder = self.folder(distance, tracker) / TRACKS
         return read_results(folder / f"{scene.name}.txt", scene.num_frames)
 
     def draw(self) -> None:
@@ -201,6 +204,17 @@ class Demo:
             ),
         )
 
+    def draw_drive(self) -> None:
+        """The drive of the pictures in 3-D: two trackers at the largest displacement."""
+        distance = max(self.config.displacements)
+        scene, path = self.scenes[distance][self._shown], self.config.out / SCENE
+        trackers = {name: self._tracks(distance, scene, name) for name in self.config.trackers[:2]}
+        files = [self.folder(distance, name) / "record.json" for name in trackers]
+        key = key_of([file.read_bytes() for file in files], sources=PICTURE_SOURCES)
+        clip = Clip.of_scene(scene, Objects.empty())
+        title = f"sequence {scene.name}, displacement {distance:g} m"
+        self.steps.run("scene", key, [path], lambda: draw_scene(clip, trackers, title, path))
+
     def report(self, records: dict[float, dict[str, Any]]) -> dict[str, Any]:
         """Writes metrics.json, table.md and index.html; prints the table and the paths."""
         out = self.config.out
@@ -227,10 +241,10 @@ class Demo:
         made = f"Made by `{run['command']}`."
         parts = [f"# {TITLE}", notes[0], table.rstrip(), *notes[1:], made]
         write_text(out / "table.md", "\n\n".join(parts) + "\n")
-        html = page(TITLE, notes, HEADER, rows, pictures(out), run)
+        html = page(TITLE, notes, HEADER, rows, pictures(out), {SCENE: SCENE_CAPTION})
         write_text(out / "index.html", html)
         print(table + "".join(f"\n{note}\n" for note in notes))
-        for path in ("table.md", "metrics.json", "index.html"):
+        for path in ("table.md", "metrics.json", "index.html", SCENE):
             print(out / path)
         for picture in pictures(out):
             print(picture.path)

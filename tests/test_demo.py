@@ -54,8 +54,10 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     for name in ("table.md", "metrics.json", "index.html"):
         assert str(out / name) in printed
     sources = re.findall(r'(?:src|href)="([^"]*)"', (out / "index.html").read_text())
-    assert len(sources) == len(pictures(out))  # nothing but the pictures, and these are inside
-    assert all(source.startswith("data:image/") for source in sources)
+    inside = [source for source in sources if source.startswith("data:image/")]
+    assert len(inside) == len(pictures(out))  # nothing but the pictures and a link to the scene
+    assert [source for source in sources if source not in inside] == ["scene.html"]
+    assert (out / "scene.html").stat().st_size > 4e6
     made = {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)}
     assert all(str(path) in printed and path.stat().st_size > 1000 for path in made)
 

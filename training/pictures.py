@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import tensorflow as tf
+from matplotlib.figure import Figure
 
-from kitti.boxes import box_corners
 from models.box_decoding import decode_detections
 from models.probability_filter import foreground_probability
-
-
-def draw_boxes(panel, boxes: np.ndarray, **style) -> None:
-    """Outlines of boxes (M, 7) in a bird's-eye panel, x to the right and y up, metres."""
-    for corners in box_corners(np.asarray(boxes, np.float64).reshape(-1, 7)):
-        outline = corners[[0, 1, 2, 3, 0], :2]
-        panel.plot(outline[:, 0], outline[:, 1], **style)
+from visualization.drawing import birds_eye_axes, draw_boxes
 
 
 def birds_eye(task):
     """A matplotlib figure of the first validation sample: points, truth (green), network (blue)."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(9, 7), layout="constrained")
     panel = figure.subplots()
     sample = task.make_validation(0, 0)
@@ -29,11 +21,7 @@ def birds_eye(task):
         _detector_panel(panel, task, batch)
     else:
         _tracker_panel(panel, task, batch)
-    panel.set_aspect("equal")
-    panel.set_xlim(0, 70)
-    panel.set_ylim(-30, 30)
-    panel.set_xlabel("x forward (m)")
-    panel.set_ylabel("y left (m)")
+    birds_eye_axes(panel)
     return figure
 
 
@@ -43,9 +31,9 @@ def _detector_panel(panel, task, batch) -> None:
     xyz = batch.inputs.query_xyz.numpy()
     panel.scatter(xyz[0, :, 0], xyz[0, :, 1], c=probability, s=0.5, cmap="coolwarm", vmin=0, vmax=1)
     frame = task.validation_reader.read(*task.validation_items[0])
-    draw_boxes(panel, frame.boxes, color="green", linewidth=1)
+    draw_boxes(panel, frame.boxes, "green", linewidth=1)
     found = decode_detections(xyz, outputs.boxes, task.config.detector.box, task.decoding)[0]
-    draw_boxes(panel, found.boxes, color="blue", linewidth=1)
+    draw_boxes(panel, found.boxes, "blue", linewidth=1)
     panel.set_title("foreground probability; boxes: truth green, network blue")
 
 

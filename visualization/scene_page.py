@@ -33,17 +33,23 @@ def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:
 def scene_page(title: str, scene: dict[str, Any]) -> str:
     """The page as text."""
     data = {key: value for key, value in scene.items() if key != "notes"}
+    return render(
+        "scene.html.j2",
+        title=title,
+        policy=POLICY,
+        style=web_file("scene.css"),
+        notes=scene["notes"],
+        scene=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/"),
+        scripts=[deck_gl(), *map(web_file, SCRIPTS)],
+    )
+
+
+def render(template: str, **values: Any) -> str:
+    """A template of `WEB` with these values, escaped."""
     environment = Environment(
         loader=FileSystemLoader(WEB), autoescape=True, trim_blocks=True, keep_trailing_newline=True
     )
-    return environment.get_template("scene.html.j2").render(
-        title=title,
-        policy=POLICY,
-        style=_web("scene.css"),
-        notes=scene["notes"],
-        scene=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/"),
-        scripts=[deck_gl(), *map(_web, SCRIPTS)],
-    )
+    return environment.get_template(template).render(values)
 
 
 @cache
@@ -55,5 +61,6 @@ def deck_gl() -> str:
     return text.replace("</script", "<\\/script")
 
 
-def _web(name: str) -> str:
+def web_file(name: str) -> str:
+    """A file of `WEB`."""
     return (WEB / name).read_text(encoding="utf-8").rstrip()

@@ -15,7 +15,8 @@ def _page(tmp_path) -> str:
         Image.new("RGB", (4, 3)).save(tmp_path / name)
         pictures.append(Picture(tmp_path / name, f'<{name}> & "quoted"'))
     rows = [("ours", ["PointTrackNet", "0.5"]), ("", ["SORT & <co>", "-"])]
-    return page("A <title>", ["above", "below"], ["method", "MOTA"], rows, pictures, {"k": "<v>"})
+    scenes = {"scene.html": "Turn <it>"}
+    return page("A <title>", ["above", "below"], ["method", "MOTA"], rows, pictures, scenes)
 
 
 def test_page_is_valid_and_stands_alone(tmp_path):
@@ -38,6 +39,7 @@ def test_pictures_are_inside_and_text_is_escaped(tmp_path):
     data = base64.b64encode((tmp_path / "b.gif").read_bytes()).decode()
     assert f"data:image/gif;base64,{data}" in text
     assert "SORT &amp; &lt;co&gt;" in text and "<co>" not in text
+    assert '<a href="scene.html">Turn &lt;it&gt;</a>' in text
 
 
 def test_the_checker_finds_what_is_wrong():

@@ -85,7 +85,7 @@ function trackerWords(k, state, matrix) {
   }, matrix).filter(({text}) => text);
   if (!state.errors || !LABELS) return named;
   const missed = LABELS.byFrame[state.frame].filter((row) => row.errors[k]);
-  return [...named, ...words(missed, () => ({text: "miss", color: MISS}), matrix)];
+  return [...named, ...words(missed, () => ({text: `${prefix}${prefix && " "}miss`, color: MISS}), matrix)];
 }
 
 function matrixOf(state) {

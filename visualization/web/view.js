@@ -36,7 +36,8 @@ function cameraOf(name) {
     const zoom = fit(Math.max(x1 - x0, y1 - y0) + 90, Math.min(width, height));
     return {target: [(x0 + x1) / 2 + 20, (y0 + y1) / 2, 0], rotationX: 50, rotationOrbit: 90, zoom};
   }
-  return {target: [AHEAD, 0, 0], rotationX: 28, rotationOrbit: 90, zoom: fit(46, width)};
+  return {target: [AHEAD, 0, 0], rotationX: 28, rotationOrbit: 90,
+    zoom: Math.min(fit(46, width), fit(28, height))};
 }
 
 const instance = new deck.Deck({
