@@ -8,7 +8,7 @@ CLANG_FORMAT := $(VENV)/bin/clang-format
 CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
 
 .DEFAULT_GOAL := all
-.PHONY: all venv ops bench sanitize weights demo test test-fast lint format clean
+.PHONY: all venv ops bench sanitize weights demo fuzz kill test test-fast lint format clean
 
 all: venv ops
 
@@ -42,6 +42,12 @@ sanitize: $(STAMP)
 
 test: ops
 	$(PY) -m pytest $(PYTEST_FLAGS)
+
+fuzz: ops
+	PYTHONPATH=.:tests TF_CPP_MIN_LOG_LEVEL=3 $(PY) -m campaigns.fuzz --n $(or $(N),20000) --seed $(or $(SEED),0)
+
+kill: ops
+	PYTHONPATH=.:tests $(PY) -m campaigns.kill --n $(or $(N),30) --seed $(or $(SEED),0)
 
 test-fast: ops
 	$(PY) -m pytest $(PYTEST_FLAGS) -m "not slow"

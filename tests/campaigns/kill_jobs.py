@@ -1,0 +1,103 @@
+"""Small jobs that are killed: their command, and what of their output has to be equal."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+TRAIN = ROOT / "tests" / "training" / "train_small.py"
+SIMULATE = ("-m", "simulator", "--split", "val", "--sequences", "1", "--processes", "1")
+FRAMES = ("--frames", "3")
+
+Digest = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command that goes on where it was interrupted.
+
+    Attributes:
+        command: arguments of the Python interpreter for inputs and output folder, before each run.
+        digest: of what is the same in every complete run, by name.
+    """
+
+    command: Callable[[Path, Path], list[str]]
+    digest: Callable[[Path], Digest]
+
+
+def make_inputs(folder: Path) -> None:
+    """Writes data sets and weights that the jobs read: `cars`, `kitti`, `weights`."""
+    sys.path[:0] = [str(ROOT / "tests" / part) for part in ("", "models", "evaluation")]
+    import tiny_kitti
+    from small_inputs import two_cars
+    from small_weights import write_weights
+
+    two_cars().write_sequence(folder / "cars", frames=5)
+    tiny_kitti.make(folder / "kitti")
+    write_weights(folder / "weights")
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=8).hexdigest()
+
+
+def _files(folder: Path, *patterns: str) -> Digest:
+    paths = sorted(path for pattern in patterns for path in folder.rglob(pattern))
+    return {str(p.relative_to(folder)): _hash(p.read_bytes()) for p in paths if p.is_file()}
+
+
+def _training(kind: str) -> Callable[[Path, Path], list[str]]:
+    def command(inputs: Path, out: Path) -> list[str]:
+        resume = ["--resume"] if (out / "config.json").is_file() else []
+        return [str(TRAIN), kind, str(inputs / "cars"), str(out), "--epochs", "2", *resume]
+
+    return command
+
+
+def _last_checkpoint(out: Path) -> Digest:
+    """The arrays of the last step and the number of epochs in the history."""
+    path = max((out / "checkpoints").glob("step-*.npz"))
+    with np.load(path) as file:
+        arrays = {n: _hash(np.ascontiguousarray(file[n]).tobytes()) for n in file if n != "meta"}
+    epochs = len((out / "history.csv").read_text().splitlines())
+    return {"step": path.name, "epochs": str(epochs), **arrays}
+
+
+def _evaluation(inputs: Path, out: Path) -> list[str]:
+    argv = ["--data_root", str(inputs / "kitti"), "--seqs", "0000-0001", "--tracker", "ab3dmot"]
+    return ["evaluate.py", *argv, "--protocol", "clear3d,kitti2d,kitti3d", "--out", str(out)]
+
+
+def _evaluated(out: Path) -> Digest:
+    metrics = json.loads((out / "metrics.json").read_text())
+    metrics.pop("run")  # holds the time
+    return {**_files(out, "*.txt", "table.md"), "metrics": _hash(json.dumps(metrics).encode())}
+
+
+def _demo(inputs: Path, out: Path) -> list[str]:
+    argv = ["--out", str(out), "--weights", str(inputs / "weights"), "--sequences", "1"]
+    return ["demo.py", *argv, *FRAMES, "--displacements", "0"]
+
+
+def _recipe(inputs: Path, out: Path) -> list[str]:
+    return ["-m", "campaigns.small_recipe", str(inputs / "cars"), str(out)]
+
+
+JOBS = {
+    "simulation": Job(
+        lambda _, out: [*SIMULATE, *FRAMES, "--out", str(out)], lambda out: _files(out, "*")
+    ),
+    "detector": Job(_training("detector"), _last_checkpoint),
+    "tracker": Job(_training("tracker"), _last_checkpoint),
+    "evaluation": Job(_evaluation, _evaluated),
+    "demo": Job(_demo, lambda out: _files(out, "*.bin", "[0-9]*.txt")),
+    "recipe": Job(_recipe, lambda out: _last_checkpoint(out / "detector")),
+}
+"""By name."""
