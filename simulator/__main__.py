@@ -8,6 +8,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.flags import ArgumentParser, finite_float, non_negative_int, positive_int, run
+from kitti.labels import MAX_FRAMES
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
 from simulator.dataset import make_dataset
@@ -86,6 +87,8 @@ def _own_plan(flags, options: Options) -> Plan:
             f"--sequences: split {split} has {len(numbers)} numbers "
             f"({numbers[0]:04d}-{numbers[-1]:04d}), found {count}"
         )
+    if (flags.frames or 0) > MAX_FRAMES:
+        raise InputError(f"--frames: expected at most {MAX_FRAMES}, found {flags.frames}")
     frames = dict.fromkeys(numbers[:count], flags.frames or 200)
     spec = {"split": split}
     if flags.van_share is not None:

@@ -46,13 +46,15 @@ REQUIRED = {
 
 
 def command_lines(folder: Path, rng: np.random.Generator) -> None:
-    """A script with odd values of its flags, on data that is not there: one line, exit code 2."""
+    """A script with odd values of its flags, without data or output folder: exit code 2."""
     script = list(SCRIPTS)[rng.integers(len(SCRIPTS))]
-    argv = [*REQUIRED[script], "--out", str(folder / "out")] * (script is not train_det)
-    argv = argv if script is not train_track else REQUIRED[script]
-    argv = argv or list(REQUIRED[script])
+    argv = list(REQUIRED[script])
+    if script not in (train_det, train_track):
+        argv += ["--out", str(folder / "out")]
     for _ in range(rng.integers(1, 4)):
         argv = [*argv, f"{SCRIPTS[script][rng.integers(len(SCRIPTS[script]))]}={nasty_word(rng)}"]
+    argv = [word.replace("\0", "") for word in argv]  # no process can be given one
+    (folder / "out").write_text("taken")
     errors = io.StringIO()
     with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
         try:
