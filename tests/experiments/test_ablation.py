@@ -30,7 +30,7 @@ def root(tmp_path_factory):
 
 
 def arguments(root, out, *more) -> list[str]:
-    words = ["--data_root", root, "--seqs", "0000", "--val_seqs", "0001"]
+    words = ["--data_root", root, "--seqs", "0001", "--val_seqs", "0000"]
     words += ["--detector", root / "weights" / "detector.npz", "--workdir", out / "work"]
     words += ["--out", out / "tables", "--score_threshold", "0"]
     for pair in SHORT:
@@ -114,7 +114,7 @@ def test_rows_are_the_papers():
     [
         (("--tracker.fusion", "concat"), "is what the rows differ in"),
         (("--detector", "none.npz"), "none.npz: --detector: expected a checkpoint"),
-        (("--seqs", "0000"), "expected one --seqs for each --data_root"),
+        (("--seqs", "0000"), "--seqs: expected one, or one for each --data_root"),
     ],
 )
 def test_what_does_not_fit_is_named(root, tmp_path, more, message):
