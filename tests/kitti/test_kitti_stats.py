@@ -65,7 +65,7 @@ def test_bad_command_lines_are_one_line_and_code_2(tmp_path, argv, message):
 
 
 def test_kitti_needs_no_tensorflow():
-    modules = ("iou", "labels", "scans", "sequence", "ground", "targets", "displacement", "stats")
+    modules = ("iou", "labels", "scans", "sequence", "ground", "targets", "object_shift", "stats")
     code = "import sys\n" + "".join(f"import kitti.{name}\n" for name in modules)
     code += "assert not {'tensorflow', 'keras', 'scipy', 'pandas'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -39,7 +39,7 @@ def learn_one_batch(make_task, workdir):
         task = make_task()
         samples = [task.make(i, 0) for i in range(COUNT)]
         task.make, task.items = (lambda index, _position: samples[index]), task.items[:COUNT]
-        task.validation_items, task.samples = [], samples
+        task.validation_items, task.validation_roots, task.samples = [], [], samples
         return task
 
     tf.keras.utils.set_random_seed(0)
