@@ -59,6 +59,8 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "make format": MAKE,
     "make lint": MAKE,
     "make sanitize": MAKE,
+    "make fuzz": MAKE,
+    "make kill": MAKE,
     "make weights": MAKE,
     "pip install": "tests/test_install.py::test_the_library_runs_in_another_folder",
     "--scans DIR": "tests/test_track.py::test_command_line_writes_results_and_pictures",
@@ -161,6 +163,8 @@ def test_make_runs_what_the_documents_say():
     assert _recipe("test-fast")[-2:] == ["-m", "not slow"]
     assert _recipe("lint")[1] == "--dry-run" and _recipe("format")[1] == "-i"
     assert _recipe("weights")[1:] == ["-m", "training.recipe"]
+    assert _recipe("fuzz")[-6:-4] == ["-m", "campaigns.fuzz"]
+    assert _recipe("kill")[-6:-4] == ["-m", "campaigns.kill"]
     assert _recipe() != _recipe("sanitize")
     (shorter,) = re.findall(r'`make (DEMO_FLAGS="[^"]+" demo)`', README)
     assert _recipe(*shlex.split(shorter)) == [PYTHON, "demo.py", "--frames", "20"]
