@@ -13,12 +13,8 @@ from typing import Any
 
 from common.progress import Progress
 from evaluation.config import GROUND_TRUTH, EvaluateConfig
-from evaluation.run import make_provider, score
-from evaluation.scene import Scene
-from evaluation.tracking_loop import track_scene
+from evaluation.run import evaluate
 from kitti.object_shift import DEFAULT_READING, ObjectShift
-from kitti.sequence import open_sequences
-from tracking import make_tracker
 
 WORKERS = 2
 NICE = 5
@@ -61,12 +57,7 @@ def measure(run: Run) -> dict[str, Any]:
     model = None
     if run.displacement:
         model = ObjectShift(run.displacement, run.seed, run.length, run.hold)
-    scenes = [Scene(sequence, model) for sequence in open_sequences(run.data_root, run.seqs)]
-    provider = make_provider(config, scenes)
-    results = {
-        s.name: track_scene(s, provider, make_tracker(run.tracker), run.classes) for s in scenes
-    }
-    return score(config, scenes, results)["clear3d"]["overall"]
+    return evaluate(config, model)["clear3d"]["overall"]
 
 
 def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, Any]]:

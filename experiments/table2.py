@@ -69,38 +69,11 @@ def matmul_rate(repeats: int) -> float:
     return 2 * 2048**3 / median_seconds(lambda: tf.matmul(a, a).numpy(), repeats)
 
 
-def multiplications(config) -> float:
-    """Floating-point operations of the plain detector's linear layers for one scan of N points."""
-    from models.box_coding import head_channels
-    from models.detector import POINT_FEATURES
-
-    total, channels = 0, POINT_FEATURES[config.point_features]
-    skips = [channels]
-
-    def chain(rows, channels, widths):
-        nonlocal total
-        for width in widths:
-            total += 2 * rows * channels * width
-            channels = width
-        return channels
-
-    for layer in config.set_abstraction:
-        rows = layer.num_points * layer.num_neighbors
-        channels = chain(rows, channels + 3, layer.widths)
-        skips.append(channels)
-    for i, layer in enumerate(config.set_upconv):
-        rows = config.set_abstraction[-2 - i].num_points
-        channels = chain(rows * layer.num_neighbors, channels + 3, layer.widths[:-1])
-        channels = chain(rows, channels + skips[-2 - i], layer.widths[-1:])
-    channels = chain(config.num_points, channels + skips[0], config.propagation_widths)
-    chain(config.num_points, channels, (config.fc1_width, head_channels(config.box)))
-    return float(total)
-
-
 def detector_times(config, scans: list[np.ndarray], repeats: int) -> dict[str, float]:
     """Seconds a frame, forward and forward with backward, ours and plain, batch of 8."""
     import tensorflow as tf
 
+    from experiments.costs import detector_costs, total
     from experiments.plain_detector import PlainDetector
     from models.detector import Detector, detector_inputs
 
@@ -131,7 +104,7 @@ def detector_times(config, scans: list[np.ndarray], repeats: int) -> dict[str, f
             median_seconds(lambda f=both: f(inputs), repeats) / batch
         )
     rate = matmul_rate(repeats)
-    operations = multiplications(config)
+    operations = total(detector_costs(config)).flops
     times["matrix product rate (GFLOP/s)"] = rate / 1e9
     times["plain detector's linear layers (GFLOP a frame)"] = operations / 1e9
     times["share of the matrix product rate, ours forward"] = (

@@ -12,10 +12,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
 
 from network_cases import SMALL_DETECTOR, cloud
 
+from experiments.costs import detector_costs, total
 from experiments.network_exam import box_counts, end_point_errors
 from experiments.network_exam import table as exam_table
 from experiments.plain_detector import PlainDetector
-from experiments.table2 import PAPER, multiplications, table
+from experiments.table2 import PAPER, table
 from kitti.labels import Objects
 from models.box_coding import head_channels
 from models.detector import Detector, detector_inputs
@@ -34,7 +35,7 @@ def test_the_plain_detector_is_the_same_network():
     assert parameters(plain) == parameters(Detector(SMALL_DETECTOR))
 
 
-def test_multiplications_by_hand():
+def test_floating_point_operations_by_hand():
     head = head_channels(SMALL_DETECTOR.box)
     abstraction = (
         64 * 8 * (5 * 8 + 8 * 16)
@@ -51,7 +52,7 @@ def test_multiplications_by_hand():
         + 64 * (16 + 16) * 32
     )
     points = 128 * (34 * 32 + 32 * 32 + 32 * 16 + 16 * head)
-    assert multiplications(SMALL_DETECTOR) == 2.0 * (abstraction + upconv + points)
+    assert total(detector_costs(SMALL_DETECTOR)).flops == 2.0 * (abstraction + upconv + points)
 
 
 def test_table_2_shows_the_papers_figures():

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -24,6 +25,12 @@ def test_mean_and_sample_spread():
     assert mean_and_spread([0.5, None]) == (None, 0.0)
     assert shown([0.25, 0.75], 2) == "0.50 ± 0.35"
     assert (shown([7], 0), shown([None], 3)) == ("7", "-")
+
+
+def test_a_run_leaves_out_tracks_below_the_threshold(experiment_root):
+    run = Run(experiment_root, (0,), ("Car",), "sort")
+    assert measure(run)["TP"] > 0
+    assert measure(replace(run, score_threshold=2.0))["TP"] == 0  # labels have score 1
 
 
 def test_a_run_without_displacement_needs_no_seeds(experiment_root):
