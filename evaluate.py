@@ -17,7 +17,6 @@ from common.errors import InputError
 from evaluation.config import (
     GROUND_TRUTH,
     NETWORK,
-    TRACKERS,
     EvaluateConfig,
     parse_names,
     parse_threshold,
@@ -28,6 +27,7 @@ from evaluation.table import overall_table, threshold_line
 from kitti.labels import VEHICLES
 from kitti.splits import TEST, parse_sequences
 from metrics.protocols import PROTOCOLS
+from tracking import TRACKERS
 
 __all__ = ["EvaluateConfig", "evaluate", "main"]
 
@@ -41,7 +41,7 @@ def make_parser() -> flags.ArgumentParser:
     add("--seqs", help="such as 0016-0020 or 0000,0003 (default: 0016-0020; testing: all)")
     add("--classes", default=",".join(VEHICLES), help="classes tracked; both sides in clear3d")
     add("--detections", help=f"{GROUND_TRUTH}, {NETWORK} or a folder (default: {GROUND_TRUTH})")
-    add("--tracker", help=f"one of {', '.join(TRACKERS)} (default: {TRACKERS[0]})")
+    add("--tracker", help=f"one of {', '.join(TRACKERS)} (default: {EvaluateConfig.tracker})")
     add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
     add("--results", type=Path, help="evaluate the result files of this folder, run no tracker")
     add("--displacement", type=flags.non_negative_float, default=0.0, help="metres, at most")
@@ -61,8 +61,6 @@ def parse_config(argv: Sequence[str] | None = None) -> EvaluateConfig:
     args = make_parser().parse_args(argv)
     if args.results is not None and (args.tracker or args.detections):
         raise InputError("--results runs no tracker: leave out --tracker and --detections")
-    if args.tracker not in (None, *TRACKERS):
-        raise InputError(f"--tracker: expected among {','.join(TRACKERS)}, found {args.tracker!r}")
     threshold = args.score_threshold
     return EvaluateConfig(
         data_root=args.data_root,
@@ -70,7 +68,7 @@ def parse_config(argv: Sequence[str] | None = None) -> EvaluateConfig:
         seqs=None if args.seqs is None else tuple(parse_sequences(args.seqs)),
         classes=parse_names(args.classes),
         detections=args.detections or GROUND_TRUTH,
-        tracker=args.tracker or TRACKERS[0],
+        tracker=args.tracker or EvaluateConfig.tracker,
         weights=args.weights,
         results=args.results,
         displacement=args.displacement,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.config import parse_json
 from common.files import write_json
-from common.provenance import ROOT
+from common.imports import imported_files
 
 
 class Steps:
@@ -41,13 +41,9 @@ class Steps:
         return found if isinstance(found, dict) else {}
 
 
-def key_of(*parts: object, sources: Iterable[str] = ()) -> str:
-    """A short digest of values (by their repr) and of the project's files under `sources`.
-
-    sources: patterns below the project's root, such as "tracking/*.py".
-    """
+def key_of(*parts: object, modules: Iterable[str] = (), files: Iterable[Path] = ()) -> str:
+    """A short digest of values (by their repr), of the code that `modules` import, and of files."""
     digest = hashlib.blake2b(repr(parts).encode(), digest_size=8)
-    for pattern in sources:
-        for path in sorted(ROOT.glob(pattern)):
-            digest.update(path.name.encode() + path.read_bytes())
+    for path in (*imported_files(*modules), *files):
+        digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()

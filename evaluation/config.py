@@ -13,10 +13,10 @@ from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.splits import TEST, VAL
 from metrics.kitti_rules import rules_for
 from metrics.protocols import BEST, PROTOCOLS
+from tracking import TRACKERS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
-TRACKERS = ("gt_displacement", "sort", "sort_image", "deep_sort", "ab3dmot", "pointtracknet")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class EvaluateConfig:
         classes: what is tracked, and what `clear3d` is limited to on both sides; the other
             protocols evaluate one class at a time.
         detections: "gt", "network", or a folder of detections in AB3DMOT's layout.
-        tracker: one of `TRACKERS`.
+        tracker: of `tracking.TRACKERS`.
         weights: folder with detector.npz and tracker.npz, where the networks are needed.
         results: folder of result files to be evaluated; no tracker runs then.
         displacement: every object is shifted by up to this many metres (section IV.D).
@@ -66,6 +66,7 @@ class EvaluateConfig:
         _among("--subset", [self.subset], ("training", "testing"))
         object.__setattr__(self, "classes", tuple(class_name(name) for name in self.classes))
         _among("--classes", self.classes, [name for name in CLASSES if name != "DontCare"])
+        _among("--tracker", [self.tracker], TRACKERS)
         _among("--protocol", self.protocols, PROTOCOLS)
         for name in self.protocols:
             if name != "clear3d":

@@ -16,7 +16,7 @@ from common.errors import InputError
 from evaluation.scene import Scene
 from kitti.boxes import points_in_boxes
 from kitti.labels import VEHICLES, Objects
-from tracking import FrameDetections
+from tracking.frame_detections import FrameDetections
 
 if TYPE_CHECKING:
     from models.inference import FrameState, StreamingNetwork

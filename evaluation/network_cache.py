@@ -9,10 +9,12 @@ Letters: F frames, R boxes of all frames, n points of a frame, C channels of the
 from __future__ import annotations
 
 import hashlib
+import os
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
-from functools import cached_property
+from functools import cache, cached_property
+from importlib import metadata
 from pathlib import Path
 from time import perf_counter
 
@@ -20,23 +22,29 @@ import numpy as np
 
 from common.errors import InputError
 from common.files import atomic_path
+from common.imports import imported_files
 from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.detections import DetectionProvider, NetworkDetections
 from evaluation.scene import Scene
-from tracking import FrameDetections
+from tracking.frame_detections import FrameDetections
 
 FORMAT = 3
-CODE_FILES = (
-    "models/*.py",
-    "kitti/object_shift.py",
-    "kitti/footprints.py",
-    "evaluation/detections.py",
-    "evaluation/network_cache.py",
-)
-"""The code whose outputs are cached."""
+PACKAGES = ("numpy", "tensorflow", "keras")
 BOXES = ("boxes", "scores", "types", "appearance")
 MOTION = ("points", "displacement", "foreground")
+
+
+@cache
+def code_digest() -> bytes:
+    """Digest of all code that shapes the outputs: files, compiled ops, package versions."""
+    library = os.environ.get("TF_OPS_LIBRARY", ROOT / "tf_ops" / "build" / "libtf_ops.so")
+    paths = [*imported_files("evaluation.detections"), Path(__file__), Path(library)]
+    digest = hashlib.blake2b(digest_size=16)
+    for path in paths:
+        digest.update(_digest_of_file(path) if path.is_file() else b"none")
+    digest.update(repr([metadata.version(name) for name in PACKAGES]).encode())
+    return digest.digest()
 
 
 class CachedPredictions:
@@ -72,8 +80,7 @@ class CachedPredictions:
         for path in paths:
             if not path.is_file():
                 raise InputError("expected a checkpoint file", path)
-        paths += [path for pattern in CODE_FILES for path in sorted(ROOT.glob(pattern))]
-        return b"".join(_digest_of_file(path) for path in paths)
+        return b"".join(_digest_of_file(path) for path in paths) + code_digest()
 
     def path(self, scene: Scene) -> Path:
         """The file of a scene, whether it exists yet or not."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from common.errors import InputError
 from common.files import write_json, write_text
-from common.provenance import provenance
+from common.provenance import ROOT, provenance
 from common.steps import Steps, key_of
 from evaluation.config import NETWORK, EvaluateConfig
 from evaluation.network_cache import CachedPredictions
@@ -27,8 +27,10 @@ from visualization.clip import Clip
 from visualization.gallery import draw_network, draw_scene, draw_tracks, pictures
 from visualization.page import page
 
-TRACKING_SOURCES = ("tracking/*.py", "metrics/*.py", "evaluation/*.py", "kitti/*.py")
-PICTURE_SOURCES = ("visualization/*.py", "visualization/web/*")
+PICTURE_CODE = {
+    "modules": ["visualization.gallery", "visualization.page"],
+    "files": sorted((ROOT / "visualization" / "web").iterdir()),
+}
 SCENE = "scene.html"
 SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
 TITLE = "PointTrackNet: trackers side by side"
@@ -131,7 +133,7 @@ class Demo:
         """Every tracker on the same boxes: tracker -> its record."""
         boxes = [self.cached.path(scene).name for scene in self.scenes[distance]]
         config = self.evaluation(distance)
-        key = key_of(boxes, config, sources=TRACKING_SOURCES)
+        key = key_of(boxes, config, modules=["evaluation.side_by_side"])
         records = {}
         for tracker in self.config.trackers:
             path = self.folder(distance, tracker) / "record.json"
@@ -179,7 +181,7 @@ class Demo:
             (self.folder(d, "pointtracknet") / "record.json").read_bytes()
             for d in self.config.displacements
         ]
-        key = key_of(tracks, sources=PICTURE_SOURCES)
+        key = key_of(tracks, **PICTURE_CODE)
         clips = self.clips()
         source = "simulated" if self.simulated else "recorded"
         titles = [
@@ -210,7 +212,7 @@ class Demo:
         scene, path = self.scenes[distance][self._shown], self.config.out / SCENE
         trackers = {name: self._tracks(distance, scene, name) for name in self.config.trackers[:2]}
         files = [self.folder(distance, name) / "record.json" for name in trackers]
-        key = key_of([file.read_bytes() for file in files], sources=PICTURE_SOURCES)
+        key = key_of([file.read_bytes() for file in files], **PICTURE_CODE)
         clip = Clip.of_scene(scene, Objects.empty())
         title = f"sequence {scene.name}, displacement {distance:g} m"
         self.steps.run("scene", key, [path], lambda: draw_scene(clip, trackers, title, path))

@@ -37,11 +37,11 @@ def test_a_spoilt_memory_counts_as_none(tmp_path):
     assert Steps(tmp_path).run("a", "1", [], lambda: None)
 
 
-def test_key_depends_on_values_and_sources():
+def test_key_depends_on_values_and_code():
     keys = {
         key_of(1),
         key_of(2),
-        key_of(1, sources=["common/*.py"]),
-        key_of(1, sources=["kitti/*.py"]),
+        key_of(1, modules=["common.errors"]),
+        key_of(1, modules=["kitti.iou"]),
     }
     assert len(keys) == 4 and key_of(1, "a") == key_of(1, "a")

@@ -9,6 +9,7 @@ import tiny_kitti
 from small_weights import write_weights
 
 from common.errors import InputError
+from evaluation import network_cache
 from evaluation.config import EvaluateConfig
 from evaluation.detections import (
     LabelBoxes,
@@ -94,6 +95,21 @@ def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
     ]
     assert len(set(names)) == len(names)
     assert name() == names[0] and all(n.startswith("0001-") for n in names)
+
+
+def test_the_name_depends_on_ops_and_versions(scene, weights, tmp_path, monkeypatch):
+    def name():
+        network_cache.code_digest.cache_clear()
+        return CachedPredictions(tmp_path, weights).path(scene).name
+
+    names = [name()]
+    (tmp_path / "other.so").write_bytes(b"ops")
+    monkeypatch.setenv("TF_OPS_LIBRARY", str(tmp_path / "other.so"))
+    names.append(name())
+    monkeypatch.setattr(network_cache.metadata, "version", lambda package: "1.0")
+    names.append(name())
+    monkeypatch.undo()
+    assert len(set(names)) == 3 and name() == names[0]
 
 
 def test_a_cut_file_is_made_again(scene, weights, tmp_path):
