@@ -16,11 +16,10 @@ from pathlib import Path
 
 from common import flags
 from common.errors import InputError
-from evaluation.config import EvaluateConfig
 from evaluation.run import check_writable
-from evaluation.scene import Scene
-from evaluation.side_by_side import displaced_scenes
+from evaluation.scene import Scene, open_scenes
 from kitti.labels import Objects
+from kitti.object_shift import ObjectShift
 from kitti.splits import parse_sequences
 from visualization.animation import animate
 from visualization.birds_eye import birds_eye
@@ -83,8 +82,8 @@ def open_scene(args: argparse.Namespace, distance: float) -> Scene:
     seqs = tuple(parse_sequences(args.seq))
     if len(seqs) != 1:
         raise InputError(f"--seq: expected one sequence, found {args.seq!r}")
-    config = EvaluateConfig(args.data_root, seqs=seqs, displacement=distance, seed=args.seed)
-    return displaced_scenes(config)[0]
+    shift = ObjectShift(distance, args.seed) if distance else None
+    return open_scenes(args.data_root, seqs, shift=shift)[0]
 
 
 def read_tracks(scene: Scene, folder: Path) -> Objects:

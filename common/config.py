@@ -1,11 +1,12 @@
-"""Frozen dataclasses to and from JSON and command-line flags, checked field by field.
+"""Frozen dataclasses to and from JSON, checked field by field.
 
-A field's metadata may hold `least` and `most`, bounds of its number or of each number in its tuple.
+A field's metadata may hold `least` and `most`, bounds of its number or of each number in its
+tuple, and `least_items` (1) of a tuple of any length.
 """
 
 from __future__ import annotations
 
-import argparse
+import contextlib
 import dataclasses
 import json
 import types
@@ -36,8 +37,8 @@ def parse_json(text: str | bytes, path: str | Path | None = None) -> Any:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """A JSON-ready dictionary of a (nested) dataclass; tuples become lists."""
-    return json.loads(json.dumps(dataclasses.asdict(config)))
+    """A JSON-ready dictionary of a (nested) dataclass; tuples become lists, paths text."""
+    return json.loads(json.dumps(dataclasses.asdict(config), default=str))
 
 
 def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
@@ -49,7 +50,12 @@ def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
     Raises:
         InputError: names the field, what was found and what was expected.
     """
-    return _convert(cls, values, cls.__name__, path, {})
+    return convert(cls, values, cls.__name__, path)
+
+
+def convert(kind: type[T], value: Any, name: str, path: str | Path | None) -> T:
+    """`from_dict` for any field type; `name` is what errors call it, "--" for flags."""
+    return _convert(kind, value, name, path, {})
 
 
 def _convert(
@@ -59,20 +65,7 @@ def _convert(
         return _convert_dataclass(kind, value, name, path)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise InputError(f"{name}: expected a list, found {_short(value)}", path)
-        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
-        if not variadic and len(value) != len(arguments):
-            raise InputError(
-                f"{name}: expected {len(arguments)} items, found {_short(value)}", path
-            )
-        if variadic and not 1 <= len(value) <= MAX_ITEMS:
-            raise InputError(f"{name}: expected 1 to {MAX_ITEMS} items, found {len(value)}", path)
-        kinds = [arguments[0]] * len(value) if variadic else arguments
-        return tuple(
-            _convert(k, v, f"{name}[{i}]", path, bounds)
-            for i, (k, v) in enumerate(zip(kinds, value, strict=True))
-        )
+        return _tuple(arguments, value, name, path, bounds)
     if origin is typing.Literal:
         if value not in arguments:
             raise InputError(
@@ -80,15 +73,44 @@ def _convert(
             )
         return value
     if origin in (types.UnionType, typing.Union):
-        if value is None and type(None) in arguments:
-            return None
-        inner = next(a for a in arguments if a is not type(None))
-        return _convert(inner, value, name, path, bounds)
+        return _one_of(arguments, value, name, path, bounds)
     if kind in (int, float):
         return _number(kind, value, name, path, bounds)
+    if kind is Path and isinstance(value, str):
+        return Path(value)
     if not isinstance(value, kind):
         raise InputError(f"{name}: expected {kind.__name__}, found {_short(value)}", path)
     return value
+
+
+def _tuple(
+    kinds: tuple, value: Any, name: str, path: str | Path | None, bounds: Mapping[str, Any]
+) -> tuple:
+    if not isinstance(value, (list, tuple)):
+        raise InputError(f"{name}: expected a list, found {_short(value)}", path)
+    variadic, count = len(kinds) == 2 and kinds[1] is Ellipsis, len(value)
+    least = bounds.get("least_items", 1)
+    if variadic and not least <= count <= MAX_ITEMS:
+        raise InputError(f"{name}: expected {least} to {MAX_ITEMS} items, found {count}", path)
+    if not variadic and count != len(kinds):
+        raise InputError(f"{name}: expected {len(kinds)} items, found {_short(value)}", path)
+    return tuple(
+        _convert(kinds[0] if variadic else kinds[i], item, f"{name}[{i}]", path, bounds)
+        for i, item in enumerate(value)
+    )
+
+
+def _one_of(
+    kinds: tuple, value: Any, name: str, path: str | Path | None, bounds: Mapping[str, Any]
+) -> Any:
+    """The first of the kinds that takes the value; the error is that of the last."""
+    if value is None and type(None) in kinds:
+        return None
+    *others, last = [kind for kind in kinds if kind is not type(None)]
+    for kind in others:
+        with contextlib.suppress(InputError):
+            return _convert(kind, value, name, path, bounds)
+    return _convert(last, value, name, path, bounds)
 
 
 def _number(
@@ -123,82 +145,11 @@ def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None
     if unknown or missing:
         raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
     bounds = {field.name: field.metadata for field in fields}
+    dot = "" if name == "--" else "."
     return cls(
-        **{n: _convert(hints[n], v, f"{name}.{n}", path, bounds[n]) for n, v in value.items()}
+        **{n: _convert(hints[n], v, f"{name}{dot}{n}", path, bounds[n]) for n, v in value.items()}
     )
 
 
 def _has_no_default(field: dataclasses.Field) -> bool:
     return field.default is field.default_factory is dataclasses.MISSING
-
-
-def add_flags(parser: argparse.ArgumentParser, config: Any, prefix: str = "") -> None:
-    """Adds one flag per field of the dataclass instance `config`, its value as the default.
-
-    Nested dataclasses give dotted names (``--detector.num_points``); tuples are written as JSON.
-    The field's ``metadata["help"]`` is the help text.
-    """
-    hints = typing.get_type_hints(type(config))
-    for field in dataclasses.fields(config):
-        value, name = getattr(config, field.name), prefix + field.name
-        if dataclasses.is_dataclass(value):
-            add_flags(parser, value, name + ".")
-            continue
-        parser.add_argument(
-            f"--{name}",
-            type=_parser_of(hints[field.name]),
-            default=value,
-            metavar=_metavar(hints[field.name]),
-            help=field.metadata.get("help", " "),
-        )
-
-
-def from_flags(config: T, flags: argparse.Namespace, prefix: str = "") -> T:
-    """`config` with the values that the flags of `add_flags` were given.
-
-    Raises:
-        InputError: a value that the field's type does not allow.
-    """
-    values = _flag_values(config, vars(flags), prefix)
-    return from_dict(type(config), values)
-
-
-def _flag_values(config: Any, flags: dict[str, Any], prefix: str) -> dict[str, Any]:
-    values = {}
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        values[field.name] = (
-            _flag_values(value, flags, f"{prefix}{field.name}.")
-            if dataclasses.is_dataclass(value)
-            else flags[prefix + field.name]
-        )
-    return values
-
-
-def _metavar(kind: Any) -> str:
-    if typing.get_origin(kind) is typing.Literal:
-        return "|".join(str(a) for a in typing.get_args(kind))
-    return getattr(kind, "__name__", "VALUE").upper() if isinstance(kind, type) else "JSON"
-
-
-def _parser_of(kind: Any) -> Any:
-    if kind in (int, float, str):
-        return kind
-    if kind is bool:
-        return _parse_bool
-    if typing.get_origin(kind) is typing.Literal:
-        return str
-    return _parse_json
-
-
-def _parse_bool(text: str) -> bool:
-    if text not in ("true", "false"):
-        raise argparse.ArgumentTypeError(f"expected true or false, found {text!r}")
-    return text == "true"
-
-
-def _parse_json(text: str) -> Any:
-    try:
-        return parse_json(text)
-    except InputError:
-        return text

@@ -1,16 +1,20 @@
-"""What one evaluation is asked to do, checked before anything is read or written."""
+"""Evaluation settings, validated on construction."""
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Any
 
+from common.config_flags import option
 from common.errors import InputError
+from common.flags import finite_float, non_negative_float, non_negative_int
+from evaluation.scene import Scene, open_scenes
+from kitti.object_shift import ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
-from kitti.splits import TEST, VAL
+from kitti.splits import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
 from metrics.protocols import BEST, PROTOCOLS
 from tracking import TRACKERS
@@ -19,43 +23,73 @@ GROUND_TRUTH = "gt"
 NETWORK = "network"
 
 
+def parse_names(text: str) -> tuple[str, ...]:
+    """ "Car,Van" -> ("Car", "Van")."""
+    return tuple(part.strip() for part in text.split(","))
+
+
+def parse_threshold(text: str) -> float | str:
+    """argparse type: a finite number or "best"."""
+    if text == BEST:
+        return BEST
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a number or {BEST!r}, found {text!r}")
+    return value
+
+
+def parse_seqs(text: str) -> tuple[int, ...]:
+    """argparse type: "0016-0020" or "0000,0003"."""
+    try:
+        return tuple(parse_sequences(text))
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """One run of evaluate.py; the fields are its flags.
+    """Settings of evaluate.py, one flag per field.
 
-    Attributes:
-        data_root: folder in KITTI's tracking layout.
-        subset: "training" or "testing" (no labels: only result files are written).
-        seqs: sequence numbers; None for the paper's validation split, or all of testing.
-        classes: what is tracked, and what `clear3d` is limited to on both sides; the other
-            protocols evaluate one class at a time.
-        detections: "gt", "network", or a folder of detections in AB3DMOT's layout.
-        tracker: of `tracking.TRACKERS`.
-        weights: folder with detector.npz and tracker.npz, where the networks are needed.
-        results: folder of result files to be evaluated; no tracker runs then.
-        displacement: every object is shifted by up to this many metres (section IV.D).
-        seed: of the displacement.
-        protocols: of `metrics.protocols.PROTOCOLS`; None for clear3d, in testing for none.
-        iou: least 3-D IoU of a match in clear3d and kitti3d.
-        score_threshold: least mean score of a track, "best" for that of the best MOTA in the first
-            of the protocols, or None.
-        out: folder for the output; None writes nothing.
+    `seqs` None becomes the paper's validation split, or all of testing; `protocols` None becomes
+    clear3d, in testing none; `out` None writes nothing.
     """
 
-    data_root: Path
-    subset: str = "training"
-    seqs: tuple[int, ...] | None = None
-    classes: tuple[str, ...] = VEHICLES
-    detections: str = GROUND_TRUTH
-    tracker: str = "gt_displacement"
-    weights: Path = Path("weights")
-    results: Path | None = None
-    displacement: float = 0.0
-    seed: int = 0
-    protocols: tuple[str, ...] | None = None
-    iou: float = 0.5
-    score_threshold: float | str | None = None
-    out: Path | None = None
+    data_root: Path = option(MISSING, "folder in KITTI's tracking layout")
+    subset: str = option("training", "training or testing (which has no labels)")
+    seqs: tuple[int, ...] | None = option(
+        None, "such as 0016-0020 or 0000,0003 (default: 0016-0020; testing: all)", parse_seqs
+    )
+    classes: tuple[str, ...] = option(
+        VEHICLES, "tracked; both sides in clear3d, the other protocols take one each", parse_names
+    )
+    detections: str = option(GROUND_TRUTH, f"{GROUND_TRUTH}, {NETWORK} or a folder of files")
+    tracker: str = option("gt_displacement", f"one of {', '.join(TRACKERS)}")
+    weights: Path = option(Path("weights"), "folder of the networks' weights")
+    results: Path | None = option(None, "evaluate the result files of this folder, run no tracker")
+    object_shift: float = option(
+        0.0,
+        "every object is shifted at random by up to this many metres (section IV.D)",
+        non_negative_float,
+        ("object_shift", "displacement"),
+    )
+    seed: int = option(0, "of the object shift", non_negative_int, least=0, most=2**63 - 1)
+    protocols: tuple[str, ...] | None = option(
+        None,
+        f"of {','.join(PROTOCOLS)} (default: clear3d; testing: none)",
+        parse_names,
+        ("protocol",),
+        least_items=0,
+    )
+    iou: float = option(0.5, "least 3-D IoU of a match in clear3d and kitti3d", finite_float)
+    score_threshold: float | str | None = option(
+        None,
+        "least mean score of a track, or best (by MOTA of the first --protocol)",
+        parse_threshold,
+    )
+    out: Path | None = option(None, "folder for the output (default: results/evaluate)")
 
     def __post_init__(self):
         testing = self.subset == "testing"
@@ -75,13 +109,25 @@ class EvaluateConfig:
             raise InputError("--score_threshold best is that of a --protocol, found none")
         if not 0 < self.iou <= 1:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
-        if not 0 <= self.displacement < math.inf:
-            raise InputError(f"--displacement: expected metres >= 0, found {self.displacement}")
+        if not 0 <= self.object_shift < math.inf:
+            raise InputError(f"--object_shift: expected metres >= 0, found {self.object_shift}")
         if not 0 <= self.seed < 2**63:
             raise InputError(f"--seed: expected 0 <= seed < 2**63, found {self.seed}")
+        if isinstance(self.score_threshold, str) and self.score_threshold != BEST:
+            found = repr(self.score_threshold)
+            raise InputError(f"--score_threshold: expected a number or {BEST!r}, found {found}")
         if testing:
             self._check_testing()
-        self._check_displacement()
+        self._check_object_shift()
+
+    @property
+    def shift(self) -> ObjectShift | None:
+        """The object shift, None for none."""
+        return ObjectShift(self.object_shift, self.seed) if self.object_shift else None
+
+    def open_scenes(self, shift: ObjectShift | None = None) -> list[Scene]:
+        """The sequences as scenes, under the given shift or that of the settings."""
+        return open_scenes(self.data_root, self.seqs, self.subset, shift or self.shift)
 
     def _check_testing(self):
         if self.protocols:
@@ -94,14 +140,14 @@ class EvaluateConfig:
             )
         if self.tracker == "gt_displacement":
             raise InputError("--subset testing has no labels: choose another --tracker")
-        if self.displacement:
-            raise InputError("--subset testing has no labels: objects cannot be displaced")
+        if self.object_shift:
+            raise InputError("--subset testing has no labels: objects cannot be shifted")
 
-    def _check_displacement(self):
+    def _check_object_shift(self):
         in_image = [name for name in self.protocols if name != "clear3d"]
-        if self.displacement and in_image:
+        if self.object_shift and in_image:
             raise InputError(
-                f"--displacement moves objects away from their image: {','.join(in_image)} "
+                f"--object_shift moves objects away from their image: {','.join(in_image)} "
                 "cannot be evaluated, only clear3d"
             )
 
@@ -112,14 +158,6 @@ class EvaluateConfig:
             self.detections == NETWORK or self.tracker == "pointtracknet"
         )
 
-    def record(self) -> dict[str, Any]:
-        """The fields as JSON-ready values."""
-        fields = asdict(self)
-        paths = {
-            key: str(value) if isinstance(value, Path) else value for key, value in fields.items()
-        }
-        return {key: list(v) if isinstance(v, tuple) else v for key, v in paths.items()}
-
 
 def _among(flag: str, found: Sequence[str], known: Sequence[str]) -> None:
     for name in found:
@@ -127,21 +165,3 @@ def _among(flag: str, found: Sequence[str], known: Sequence[str]) -> None:
             raise InputError(f"{flag}: expected among {','.join(known)}, found {name!r}")
     if len(set(found)) < len(found) or (not found and flag == "--classes"):
         raise InputError(f"{flag}: expected each name once, found {','.join(found)!r}")
-
-
-def parse_names(text: str) -> tuple[str, ...]:
-    """ "Car,Van" -> ("Car", "Van")."""
-    return tuple(part.strip() for part in text.split(","))
-
-
-def parse_threshold(text: str) -> float | str:
-    """A finite number or "best"."""
-    if text == BEST:
-        return BEST
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"--score_threshold: expected a number or {BEST!r}, found {text!r}")
-    return value

@@ -70,7 +70,7 @@ class DetectionFiles:
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
-        yield from by_frame(scene.displaced(self.detections[scene.name]), scene.frames)
+        yield from by_frame(scene.shifted(self.detections[scene.name]), scene.frames)
 
 
 class NetworkStream:

@@ -85,8 +85,8 @@ class CachedPredictions:
     def path(self, scene: Scene) -> Path:
         """The file of a scene, whether it exists yet or not."""
         digest = hashlib.blake2b(self._code_and_weights, digest_size=8)
-        model = None if scene.model is None else sorted(asdict(scene.model).items())
-        digest.update(repr((FORMAT, self.boxes_name, model)).encode())
+        shift = None if scene.shift is None else sorted(asdict(scene.shift).items())
+        digest.update(repr((FORMAT, self.boxes_name, shift)).encode())
         digest.update(_digest_of_data(scene))
         return self.folder / f"{scene.name}-{digest.hexdigest()}.npz"
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from common.config import to_dict
 from common.errors import InputError
 from common.files import write_json, write_text
 from common.progress import Progress
@@ -27,7 +28,6 @@ from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
 from kitti.labels import Objects, write_results
 from kitti.object_shift import ObjectShift
-from kitti.sequence import open_sequences
 from metrics.comparison import track_scores
 from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
@@ -38,14 +38,14 @@ _RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
 
 def evaluate(
     config: EvaluateConfig,
-    model: ObjectShift | None = None,
+    shift: ObjectShift | None = None,
     provider: DetectionProvider | None = None,
 ) -> dict[str, Any]:
     """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
 
     Args:
         config: what to do.
-        model: the displacement, where it is not the default reading of the paper.
+        shift: in place of the default reading of the paper, `config.shift`.
         provider: of the detections that `config` describes, in place of a new one (a cache).
 
     Raises:
@@ -53,17 +53,15 @@ def evaluate(
     """
     if config.out is not None:
         check_writable(config.out)
-    if model is None and config.displacement:
-        model = ObjectShift(distance=config.displacement, seed=config.seed)
-    sequences = open_sequences(config.data_root, config.seqs, config.subset)
-    scenes = [Scene(sequence, model) for sequence in sequences]
+    scenes = config.open_scenes(shift)
     results, threshold = _results(config, scenes, provider)
     figures = score(config, scenes, results)
-    run = provenance(config=config.record(), data=_data(config, scenes))
+    run = provenance(config=to_dict(config), data=_data(config, scenes))
     record = {"run": {**run, "score_threshold": threshold}, **figures}
     if config.out is not None:
         write_text(config.out / "table.md", full_table(figures, run["command"], threshold))
         write_json(config.out / "metrics.json", record)
+        write_json(config.out / "config.json", record["run"])
         if config.subset == "testing":
             files = [config.out / TRACKS / f"{scene.name}.txt" for scene in scenes]
             write_submission(config.out / SUBMISSION, files)

@@ -1,8 +1,10 @@
-"""A sequence as it is evaluated: its labels, detections and points, displaced if asked for."""
+"""A sequence under evaluation: labels, detections and points, as on disk or shifted."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -13,19 +15,19 @@ from kitti.object_shift import (
     shift_objects,
     shift_points,
 )
-from kitti.sequence import Sequence
+from kitti.sequence import Sequence, open_sequences
 
 
 class Scene:
-    """One sequence, under a displacement (section IV.D of the paper) or as it is.
+    """One sequence, under an object shift (section IV.D of the paper) or as it is.
 
     Args:
-        sequence: the recorded sequence.
-        model: how objects are displaced; None for not at all.
+        sequence: as it is on disk.
+        shift: the shift; None for none.
     """
 
-    def __init__(self, sequence: Sequence, model: ObjectShift | None = None):
-        self.sequence, self.model = sequence, model
+    def __init__(self, sequence: Sequence, shift: ObjectShift | None = None):
+        self.sequence, self.shift = sequence, shift
         self.name = sequence.name
         self.frames, self.num_frames = sequence.frames, sequence.num_frames
 
@@ -36,18 +38,18 @@ class Scene:
     @cached_property
     def _offsets(self) -> np.ndarray:
         """(R, 2) metres along x and y of the level frame, one per label row."""
-        return self.model.offsets(self.sequence.objects, self.sequence.seq)
+        return self.shift.offsets(self.sequence.objects, self.sequence.seq)
 
     @cached_property
     def objects(self) -> Objects:
         """The labels of all classes where they are in this scene."""
-        if self.model is None:
+        if self.shift is None:
             return self.sequence.objects
         return shift_objects(self.sequence.objects, self._offsets)
 
-    def displaced(self, detections: Objects) -> Objects:
-        """Detections of the recorded sequence, moved along with the objects they lie on."""
-        if self.model is None:
+    def shifted(self, detections: Objects) -> Objects:
+        """Detections of the sequence on disk, shifted along with the objects they lie on."""
+        if self.shift is None:
             return detections
         return shift_detections(detections, self.sequence.objects, self._offsets)
 
@@ -56,7 +58,7 @@ class Scene:
         if not self.sequence.has_scan(t):
             return None
         points = self.sequence.read_points_level(t)
-        if self.model is None:
+        if self.shift is None:
             return points
         rows = self.sequence.objects.frame == t
         boxes = self.sequence.objects.boxes[rows]
@@ -70,3 +72,10 @@ class Scene:
             return None
         previous = np.concatenate([poses[:1], poses[:-1]])
         return np.linalg.solve(poses, previous)
+
+
+def open_scenes(
+    data_root: Path, seqs: Iterable[int], subset: str = "training", shift: ObjectShift | None = None
+) -> list[Scene]:
+    """The sequences as scenes; raises InputError for a missing one."""
+    return [Scene(sequence, shift) for sequence in open_sequences(data_root, seqs, subset)]

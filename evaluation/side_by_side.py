@@ -15,8 +15,6 @@ from evaluation.detections import DetectionProvider
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from kitti.object_shift import ObjectShift
-from kitti.sequence import open_sequences
 from tracking import FrameDetections
 
 SIDE_BY_SIDE = ("pointtracknet", "sort", "deep_sort", "ab3dmot")
@@ -42,15 +40,6 @@ class TimedDetections:
         return self.seconds / max(self.count, 1)
 
 
-def displaced_scenes(config: EvaluateConfig) -> list[Scene]:
-    """The scenes of a configuration under its displacement."""
-    model = None
-    if config.displacement:
-        model = ObjectShift(distance=config.displacement, seed=config.seed)
-    sequences = open_sequences(config.data_root, config.seqs, config.subset)
-    return [Scene(sequence, model) for sequence in sequences]
-
-
 def network_seconds(cached: CachedPredictions, scenes: list[Scene]) -> dict[str, float]:
     """Mean time per frame of the detector's pass and of the tracker's."""
     detect, displace = np.concatenate([cached.seconds(scene) for scene in scenes]).mean(axis=0)
@@ -68,7 +57,7 @@ def evaluate_cached(
     timed = TimedDetections(cached)
     config = replace(config, detections=NETWORK, tracker=tracker, out=out)
     record = evaluate(config, provider=timed)
-    network = network_seconds(cached, displaced_scenes(config))
+    network = network_seconds(cached, config.open_scenes())
     if tracker != "pointtracknet":
         network["displacement"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}

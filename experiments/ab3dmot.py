@@ -15,13 +15,11 @@ from typing import Any
 from common import flags
 from evaluation.config import EvaluateConfig
 from evaluation.run import check_writable, make_provider
-from evaluation.scene import Scene
 from evaluation.table import markdown
 from evaluation.tracking_loop import track_scene
-from experiments.cli import make_parser, write
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
-from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences, sequence_name
+from experiments.runs import make_parser, write
+from kitti.splits import sequence_name
 from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, metrics_of
 from tracking import make_tracker
 
@@ -57,12 +55,12 @@ def main(argv: Sequence[str] | None = None) -> None:
 def _tracked(args) -> tuple[list[Entry], bool]:
     config = EvaluateConfig(
         data_root=args.data_root,
-        seqs=tuple(parse_sequences(args.seqs)),
+        seqs=args.seqs,
         classes=("Car",),
         detections=args.detections,
         tracker="ab3dmot",
     )
-    scenes = [Scene(sequence) for sequence in open_sequences(config.data_root, config.seqs)]
+    scenes = config.open_scenes()
     provider = make_provider(config, scenes)
 
     def track(scene):

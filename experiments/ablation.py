@@ -1,4 +1,4 @@
-"""What Tables III and IV share: a tracker trained and evaluated for each value of one choice.
+"""Tables III and IV: a tracker trained and evaluated for each value of one choice.
 
 Every row starts from the same seed and sees the same samples in the same order on the same frozen
 detector; its last checkpoint is taken, so nothing is chosen on the sequences of the table. Each is
@@ -19,19 +19,19 @@ from typing import Any
 import numpy as np
 
 from common import flags
-from common.config import add_flags, to_dict
+from common.config import to_dict
+from common.config_flags import add_flags
 from common.errors import InputError
 from common.files import write_bytes, write_json
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_threshold
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
-from evaluation.side_by_side import displaced_scenes
 from evaluation.table import markdown
-from experiments.cli import write
-from experiments.demonstration import DemoConfig
-from experiments.network_exam import end_point_errors
+from experiments.demo import DemoConfig
+from experiments.evaluate_networks import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
+from experiments.runs import write
 from kitti.splits import parse_sequences
 from training.command_line import configured, defaults, train
 from training.config import TrackerTrainingConfig
@@ -80,26 +80,25 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
     add = parser.add_argument
     add_data_flags(parser)
     add("--detector", type=Path, required=True, help="checkpoint of the frozen detector")
-    add("--workdir", type=Path, required=True, help="trainings, weights and network_cache go here")
+    add("--workdir", type=Path, required=True, help="trainings, weights and network outputs")
     add("--out", type=Path, required=True, help=f"folder of {table.name}.md and {table.name}.json")
     add("--smoke", action="store_true", help="a few steps a row, to see that it runs")
     add("--deterministic", action="store_true", help="the same bits in every run")
-    threshold = str(DemoConfig.score_threshold)
-    add("--score_threshold", default=threshold, help="least mean score of a track, or best")
+    threshold = {"type": parse_threshold, "default": DemoConfig.score_threshold}
+    add("--score_threshold", help="least mean score of a track, or best", **threshold)
     add_flags(parser, TrackerTrainingConfig())
     args = parser.parse_args(argv)
     if len(args.val_data_root or []) > 1 or len(args.val_seqs or []) > 1:
         raise InputError("--val_data_root, --val_seqs: expected one, on which rows are evaluated")
     args.val_seqs = args.val_seqs or ["0016-0020"]
-    args.score_threshold = parse_threshold(args.score_threshold)
     default = getattr(TrackerTrainingConfig().tracker, table.field)
-    if vars(args)[f"tracker.{table.field}"] != default:
+    if getattr(configured(args, TrackerTrainingConfig()).tracker, table.field) != default:
         raise InputError(f"--tracker.{table.field}: is what the rows differ in")
     return args
 
 
 def check_settings(table: Ablation, args: argparse.Namespace) -> dict[str, Any]:
-    """What the rows have in common; refuses a workdir whose rows had something else."""
+    """Settings that all rows share; refuses a workdir whose rows had others."""
     if not args.detector.is_file():
         raise InputError("--detector: expected a checkpoint file", args.detector)
     config = to_dict(configured(args, TrackerTrainingConfig()))
@@ -162,9 +161,9 @@ def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]
             seqs=tuple(parse_sequences(args.val_seqs[0])),
             tracker="pointtracknet",
             weights=folder / "weights",
-            displacement=distance,
+            object_shift=distance,
         )
-        scenes = displaced_scenes(config)
+        scenes = config.open_scenes()
         cached.fill_all(scenes, f"D = {distance:g} m")
         errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
         providers: dict[str, DetectionProvider] = {

@@ -13,9 +13,16 @@ from pathlib import Path
 from common import flags
 from common.errors import InputError
 from common.files import atomic_path, write_text
-from experiments.cli import add_displacement_flags, common_fields, make_parser
 from experiments.paper import TABLE5
-from experiments.runs import TRACKER_NAMES, Run, mean_and_spread, measure_all, over_seeds
+from experiments.runs import (
+    TRACKER_NAMES,
+    Run,
+    add_shift_flags,
+    common_fields,
+    make_parser,
+    mean_and_spread,
+    measure_rows,
+)
 
 TRACKERS = ("gt_displacement", "deep_sort", "sort")
 DISTANCES = "0,0.5,1,1.5,2"
@@ -24,24 +31,21 @@ Curve = list[tuple[float, int, float, float]]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Runs every tracker at every displacement."""
+    """Runs every tracker at every distance."""
     parser = make_parser(__doc__)
-    add_displacement_flags(parser)
+    add_shift_flags(parser)
     parser.add_argument("--distances", default=DISTANCES, help="metres, separated by commas")
     args = parser.parse_args(argv)
     fields, distances = common_fields(args), parse_distances(args.distances)
     rows = {
-        (tracker, distance): over_seeds(
-            Run(tracker=tracker, displacement=distance, **fields), args.seeds
-        )
+        (tracker, distance): Run(tracker=tracker, object_shift=distance, **fields)
         for tracker in TRACKERS
         for distance in distances
     }
-    found = measure_all((run for runs in rows.values() for run in runs), "figure 5")
     curves: dict[str, Curve] = {tracker: [] for tracker in TRACKERS}
-    for (tracker, distance), runs in rows.items():
-        mota = mean_and_spread([found[run]["MOTA"] for run in runs])
-        curves[tracker].append((distance, len(runs), *mota))
+    for (tracker, distance), metrics in measure_rows(rows, args.seeds, "figure 5").items():
+        mota = mean_and_spread([found["MOTA"] for found in metrics])
+        curves[tracker].append((distance, len(metrics), *mota))
     write_text(args.out / "figure5.csv", csv_text(curves))
     draw(args.out / "figure5.png", curves)
     print(csv_text(curves), end="")

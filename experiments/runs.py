@@ -1,20 +1,26 @@
-"""Many small evaluations, two at a time: what table 5, figure 5 and the readings are made of."""
+"""Flags, evaluations over seeds, and written files that experiments and studies share."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import mean, stdev
-from typing import Any
+from typing import Any, TypeVar
 
+from common import flags
+from common.files import write_json, write_text
 from common.progress import Progress
-from evaluation.config import GROUND_TRUTH, EvaluateConfig
-from evaluation.run import evaluate
+from common.provenance import provenance
+from evaluation.config import GROUND_TRUTH, EvaluateConfig, parse_names, parse_seqs
+from evaluation.run import check_writable, evaluate
 from kitti.object_shift import DEFAULT_READING, ObjectShift
+
+Key = TypeVar("Key", bound=Hashable)
 
 WORKERS = 2
 NICE = 5
@@ -22,8 +28,45 @@ TRACKER_NAMES = {
     "sort": "SORT",
     "deep_sort": "DEEP_SORT",
     "ab3dmot": "AB3DMOT",
-    "gt_displacement": "Algorithm 1, true displacement",
+    "gt_displacement": "Algorithm 1, label motion",
 }
+
+
+def make_parser(doc: str, seqs: str = "0016-0020") -> flags.ArgumentParser:
+    """Parser with --data_root, --seqs and --out, to which a script adds its own flags."""
+    parser = flags.ArgumentParser(description=doc.split("\n", maxsplit=1)[0])
+    parser.add_argument("--data_root", type=Path, required=True, help="KITTI's tracking layout")
+    parser.add_argument("--seqs", type=parse_seqs, default=seqs, help="such as 0016-0020")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the files written")
+    return parser
+
+
+def add_shift_flags(parser: flags.ArgumentParser) -> None:
+    """Adds --classes and --seeds."""
+    add = parser.add_argument
+    add("--classes", type=parse_names, default="Car", help="tracked, and evaluated on both sides")
+    add("--seeds", type=flags.positive_int, default=5, help="of the object shift")
+
+
+def common_fields(args: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `Run` that the flags give; checks that `--out` can be written."""
+    check_writable(args.out)
+    return {
+        "data_root": args.data_root,
+        "seqs": args.seqs,
+        "classes": args.classes,
+    }
+
+
+def write(out: Path, name: str, title: str, tables: str, figures: Any, **details: Any) -> None:
+    """Prints the tables; writes `name.md` and `name.json`, both with the command that made them.
+
+    details: for the provenance, see `common.provenance`.
+    """
+    record = provenance(**details)
+    write_text(out / f"{name}.md", f"# {title}\n\nMade by `{record['command']}`.\n\n{tables}")
+    write_json(out / f"{name}.json", {"run": record, "figures": figures})
+    print(tables, end="")
 
 
 @dataclass(frozen=True)
@@ -34,7 +77,7 @@ class Run:
     seqs: tuple[int, ...]
     classes: tuple[str, ...]
     tracker: str
-    displacement: float = 0.0
+    object_shift: float = 0.0
     seed: int = 0
     detections: str = GROUND_TRUTH
     score_threshold: float | None = None
@@ -50,14 +93,14 @@ def measure(run: Run) -> dict[str, Any]:
         classes=run.classes,
         detections=run.detections,
         tracker=run.tracker,
-        displacement=run.displacement,
+        object_shift=run.object_shift,
         seed=run.seed,
         score_threshold=run.score_threshold,
     )
-    model = None
-    if run.displacement:
-        model = ObjectShift(run.displacement, run.seed, run.length, run.hold)
-    return evaluate(config, model)["clear3d"]["overall"]
+    shift = None
+    if run.object_shift:
+        shift = ObjectShift(run.object_shift, run.seed, run.length, run.hold)
+    return evaluate(config, shift)["clear3d"]["overall"]
 
 
 def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, Any]]:
@@ -76,9 +119,17 @@ def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, An
 
 
 def over_seeds(base: Run, seeds: int) -> list[Run]:
-    """The same run under several seeds; once where nothing is displaced."""
-    fields = {name: getattr(base, name) for name in base.__dataclass_fields__}
-    return [Run(**{**fields, "seed": seed}) for seed in range(seeds if base.displacement else 1)]
+    """The same run under several seeds; once without an object shift."""
+    return [replace(base, seed=seed) for seed in range(seeds if base.object_shift else 1)]
+
+
+def measure_rows(
+    rows: Mapping[Key, Run], seeds: int, description: str
+) -> dict[Key, list[dict[str, Any]]]:
+    """Metrics of each row under each seed, by row."""
+    over = {key: over_seeds(run, seeds) for key, run in rows.items()}
+    found = measure_all((run for runs in over.values() for run in runs), description)
+    return {key: [found[run] for run in runs] for key, runs in over.items()}
 
 
 def mean_and_spread(values: list[float | None]) -> tuple[float | None, float]:

@@ -4,8 +4,8 @@
 
 Everything is measured in one process, ours and the plain version in turn; medians of --repeats.
 Scans are simulated; the stream runs the networks of --weights, so that it decodes as many boxes as
-in earnest. A step of training is timed with the input pipeline and with one batch again and again:
-their difference is what the pipeline costs. Prints a table; writes table2.json and table2.md.
+in use. A step of training is timed with the input pipeline and with one batch repeated: their
+difference is the cost of the pipeline. Prints a table; writes table2.json and table2.md.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.files import write_json, write_text
 from common.flags import ArgumentParser, positive_int, run
+from common.markdown import markdown
 from common.progress import Progress
-from common.provenance import provenance
+from experiments.runs import write
 from kitti.scans import sample_points
 from kitti.sequence import Sequence as KittiSequence
 
@@ -175,13 +175,15 @@ def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
     return times
 
 
-def table(detector: dict[str, float], stream: dict[tuple[int, int], float], command: str) -> str:
+def table(detector: dict[str, float], stream: dict[tuple[int, int], float]) -> str:
     """Both tables as Markdown."""
-    lines = ["| measured | seconds a frame |", "|---|---|"]
-    lines += [f"| {name} | {value:.3f} |" for name, value in detector.items()]
-    lines += ["", "| N | N' | ours, CPU (s) | paper, GPU (s) |", "|---|---|---|---|"]
-    lines += [f"| {n} | {k} | {s:.3f} | {PAPER[n, k]:.3f} |" for (n, k), s in stream.items()]
-    return "\n".join([*lines, "", f"`{command}`", ""])
+    measured = [(name, f"{value:.3f}") for name, value in detector.items()]
+    rows = [(n, k, f"{s:.3f}", f"{PAPER[n, k]:.3f}") for (n, k), s in stream.items()]
+    return (
+        markdown(["measured", "seconds a frame"], measured)
+        + "\n"
+        + markdown(["N", "N'", "ours, CPU (s)", "paper, GPU (s)"], rows)
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -201,18 +203,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         detector = detector_times(config, scans, flags.repeats)
         detector |= training_times(config, sequence, flags.repeats)
     stream = stream_times(networks, scans, flags.repeats)
-    record = provenance(config={"repeats": flags.repeats})
-    text = table(detector, stream, record["command"])
-    print(text, end="")
-    write_text(flags.out / "table2.md", text)
-    write_json(
-        flags.out / "table2.json",
-        {
-            "run": record,
-            "detector": detector,
-            "stream": [{"N": n, "N'": k, "seconds": s} for (n, k), s in stream.items()],
-        },
-    )
+    metrics = {
+        "detector": detector,
+        "stream": [{"N": n, "N'": k, "seconds": s} for (n, k), s in stream.items()],
+    }
+    details = {"config": {"repeats": flags.repeats}}
+    write(flags.out, "table2", "Table II", table(detector, stream), metrics, **details)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ FUSIONS = Ablation(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Trains and evaluates every row, writes table3.md and table3.json."""
+    """Trains and evaluates every row, writes the table."""
     run_ablation(FUSIONS, __doc__, argv)
 
 

@@ -29,7 +29,7 @@ FEATURES = Ablation(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Trains and evaluates every row, writes table4.md and table4.json."""
+    """Trains and evaluates every row, writes the table."""
     run_ablation(FEATURES, __doc__, argv)
 
 

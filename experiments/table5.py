@@ -1,4 +1,4 @@
-"""Table V of the paper: trackers under manual displacement, on true and on detected boxes.
+"""Table V of the paper: trackers under object shifts, on true and on detected boxes.
 
     python -m experiments.table5 --data_root KITTI --detections KITTI/detections/pointrcnn_Car \
         --out results/table5
@@ -16,9 +16,17 @@ from typing import Any
 from common import flags
 from evaluation.config import GROUND_TRUTH
 from evaluation.table import markdown
-from experiments.cli import add_displacement_flags, common_fields, make_parser, write
 from experiments.paper import TABLE5, TABLE5_COLUMNS
-from experiments.runs import TRACKER_NAMES, Run, measure_all, over_seeds, shown
+from experiments.runs import (
+    TRACKER_NAMES,
+    Run,
+    add_shift_flags,
+    common_fields,
+    make_parser,
+    measure_rows,
+    shown,
+    write,
+)
 
 TRACKERS = ("sort", "deep_sort", "gt_displacement")
 PAPER_NAMES = {"sort": "SORT", "deep_sort": "DEEP_SORT", "gt_displacement": "PointTrackNet"}
@@ -28,9 +36,9 @@ MIN_SCORE = 2.0  # mean score of a track of PointRCNN boxes; as where tau was ch
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Runs every tracker at both displacements, writes table5.md and table5.json."""
+    """Runs every tracker without and with an object shift, writes table5.md and table5.json."""
     parser = make_parser(__doc__)
-    add_displacement_flags(parser)
+    add_shift_flags(parser)
     parser.add_argument("--detections", help="folder of PointRCNN detections; none: no such half")
     args = parser.parse_args(argv)
     fields = common_fields(args)
@@ -38,22 +46,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     if args.detections:
         halves["predicted"] = {"detections": args.detections, "score_threshold": MIN_SCORE}
     rows = {
-        (half, tracker, distance): over_seeds(
-            Run(tracker=tracker, displacement=distance, **boxes, **fields), args.seeds
-        )
+        (half, tracker, distance): Run(tracker=tracker, object_shift=distance, **boxes, **fields)
         for half, boxes in halves.items()
         for tracker in TRACKERS
         for distance in DISTANCES
     }
-    found = measure_all((run for runs in rows.values() for run in runs), "table 5")
-    values = {key: [found[run] for run in runs] for key, runs in rows.items()}
+    values = measure_rows(rows, args.seeds, "table 5")
     write(args.out, "table5", "Table V", _tables(values, args.seeds), _figures(values))
 
 
 def _tables(values: dict[tuple, list[dict]], seeds: int) -> str:
     titles = {"gt": "Ground-truth boxes", "predicted": f"PointRCNN boxes, score >= {MIN_SCORE:g}"}
     text = (
-        f"Mean ± standard deviation over {seeds} seeds of the displacement, `clear3d`, IoU 0.5.\n"
+        f"Mean ± standard deviation over {seeds} seeds of the object shift, `clear3d`, IoU 0.5.\n"
     )
     for half in dict.fromkeys(key[0] for key in values):
         lines = []

@@ -14,7 +14,7 @@ TESTS = Path(__file__).resolve().parent
 
 
 def config_flags(config, prefix: str) -> list[str]:
-    """What `common.config.add_flags` understands as this configuration: --prefix.field value."""
+    """Flags of `common.config_flags` for this configuration: --prefix.field value."""
     words, values = [], to_dict(config)
     for field in dataclasses.fields(config):
         part, name = getattr(config, field.name), f"{prefix}.{field.name}"

@@ -8,7 +8,8 @@ from small_weights import write_weights
 
 import demo
 from common import flags
-from experiments import demonstration
+from evaluation.config import EvaluateConfig
+from experiments import demo as experiment
 from visualization.gallery import pictures
 
 TINY = ("--sequences", "1", "--frames", "5")
@@ -31,7 +32,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(demonstration, "draw_tracks", interrupt)
+        patch.setattr(experiment, "draw_tracks", interrupt)
         assert _run(out, weights) == flags.INTERRUPTED
     assert not (out / "metrics.json").exists()
     cached = {path: path.stat().st_mtime_ns for path in (out / "network_cache").iterdir()}
@@ -63,8 +64,8 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
 
     with monkeypatch.context() as patch:  # nothing is left to do for the networks
         patch.setattr("evaluation.detections.NetworkDetections.load", interrupt)
-        patch.setattr(demonstration, "draw_network", interrupt)
-        patch.setattr(demonstration, "evaluate_cached", interrupt)
+        patch.setattr(experiment, "draw_network", interrupt)
+        patch.setattr(experiment, "evaluate_cached", interrupt)
         assert _run(out, weights) == 0
     assert {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)} == made
 
@@ -75,8 +76,8 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
 
 
 def test_missing_weights_end_with_one_line_and_code_2(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(demonstration, "simulate", lambda argv: None)
-    monkeypatch.setattr(demonstration, "displaced_scenes", lambda config: [None])
+    monkeypatch.setattr(experiment, "simulate", lambda argv: None)
+    monkeypatch.setattr(EvaluateConfig, "open_scenes", lambda config: [None])
     assert _run(tmp_path / "out", tmp_path / "nothing") == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "detector.npz: expected a checkpoint file" in error
@@ -99,5 +100,5 @@ def test_a_failing_step_fails_the_demo(tmp_path, weights, monkeypatch):
     def fail(argv):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(demonstration, "simulate", fail)
+    monkeypatch.setattr(experiment, "simulate", fail)
     assert _run(tmp_path / "out", weights) == 2

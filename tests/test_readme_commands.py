@@ -48,7 +48,7 @@ ROW = tuple(
 )
 TRACKING = "tests/experiments/test_tracking_experiments.py"
 ABLATION = "tests/experiments/test_ablation.py"
-DECODING = "tests/experiments/test_decoding_parameters.py"
+DECODING = "tests/studies/test_decoding_parameters.py"
 MAKE = "tests/test_readme_commands.py::test_make_runs_what_the_documents_say"
 
 RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of make, all of it
@@ -84,14 +84,14 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
     "experiments.table3": f"{ABLATION}::test_table3_goes_on_where_it_was_interrupted",
     "experiments.table4": f"{ABLATION}::test_table4_trains_a_row",
-    "experiments.network_exam": Here(KITTI),
+    "experiments.evaluate_networks": Here(KITTI),
     "experiments.table5": f"{TRACKING}::test_table5_has_a_row_of_ours_above_each_of_the_papers",
-    "experiments.displacement_readings": (
+    "studies.displacement_readings": (
         f"{TRACKING}::test_readings_mark_the_default_once_per_tracker"
     ),
     "experiments.figure5": f"{TRACKING}::test_figure5_writes_curve_and_picture",
     "experiments.ab3dmot": f"{TRACKING}::test_ab3dmot_table_stands_beside_the_published_rows",
-    "experiments.decoding_parameters": f"{DECODING}::test_from_end_to_end",
+    "studies.decoding_parameters": f"{DECODING}::test_from_end_to_end",
     "visualize.py scene": Here(KITTI),
     "visualize.py birds_eye": Here(KITTI),
     "visualize.py trajectories": Here(KITTI),

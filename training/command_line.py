@@ -6,7 +6,7 @@ import dataclasses
 import sys
 from pathlib import Path
 
-from common.config import add_flags, from_flags
+from common.config_flags import add_flags, from_flags
 from common.flags import ArgumentParser
 from training.data import add_data_flags, open_data
 

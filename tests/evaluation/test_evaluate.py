@@ -162,3 +162,14 @@ def test_validation_counts_on_real_labels(kitti_root, tmp_path):
     assert overall["GT"] == 8614
     assert overall["MOTA"] > 0.957
     assert record["clear3d"]["sequences"]["0017"]["MOTA"] is None
+
+
+def test_written_config_is_read_again(tiny_root, tmp_path):
+    run(
+        tiny_root, tmp_path, "--tracker", "sort", "--object_shift", "1", "--score_threshold", "best"
+    )
+    written = ["--config", str(tmp_path / "config.json")]
+    config = evaluate.parse_config(written)
+    assert (config.tracker, config.object_shift, config.seqs) == ("sort", 1.0, (0, 1))
+    assert (config.score_threshold, config.data_root) == ("best", tiny_root)
+    assert evaluate.parse_config([*written, "--tracker", "ab3dmot"]).tracker == "ab3dmot"

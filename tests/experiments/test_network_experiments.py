@@ -1,4 +1,4 @@
-"""The plain detector is the same network; Table II's arithmetic; the networks' exam."""
+"""The plain detector is the same network; Table II's arithmetic; metrics of the networks."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
 from network_cases import SMALL_DETECTOR, cloud
 
 from experiments.costs import detector_costs, total
-from experiments.network_exam import box_counts, end_point_errors
-from experiments.network_exam import table as exam_table
+from experiments.evaluate_networks import box_counts, end_point_errors
+from experiments.evaluate_networks import table as networks_table
 from experiments.plain_detector import PlainDetector
 from experiments.table2 import PAPER, table
 from kitti.labels import Objects
@@ -56,7 +56,8 @@ def test_floating_point_operations_by_hand():
 
 
 def test_table_2_shows_the_papers_figures():
-    text = table({"ours forward": 0.1}, dict.fromkeys(PAPER, 0.2), "command")
+    text = table({"ours forward": 0.1}, dict.fromkeys(PAPER, 0.2))
+    text = " ".join(text.split())
     assert "| 15000 | 5000 | 0.200 | 0.099 |" in text
     assert "| ours forward | 0.100 |" in text
 
@@ -102,11 +103,11 @@ def test_end_point_error_of_the_foreground_points():
     assert errors == pytest.approx(np.full(60, 0.1))
 
 
-def test_the_exams_table_shows_the_spread_over_seeds():
+def test_the_networks_table_shows_the_spread_over_seeds():
     columns = {
         0.0: [{"MOTA": 0.9, "recall": None}],
         2.0: [{"MOTA": m, "recall": 1} for m in (1, 2, 3)],
     }
-    lines = exam_table(columns, "command").splitlines()
+    lines = [" ".join(line.split()) for line in networks_table(columns).splitlines()]
     assert lines[2:4] == ["| MOTA | 0.900 | 2.000 ± 1.000 |", "| recall | - | 1.000 ± 0.000 |"]
-    assert "Mean ± standard deviation over 3 seeds of the displacement." in lines
+    assert "Mean ± standard deviation over 3 seeds of the object shift." in lines

@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from common.errors import InputError
-from experiments import ab3dmot, displacement_readings, figure5, table5
+from experiments import ab3dmot, figure5, table5
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, TABLE5, TABLE5_COLUMNS
 from experiments.runs import Run, mean_and_spread, measure, over_seeds, shown
+from studies import displacement_readings
 
 
 def arguments(root, out, *more) -> list[str]:
@@ -33,10 +34,10 @@ def test_a_run_leaves_out_tracks_below_the_threshold(experiment_root):
     assert measure(replace(run, score_threshold=2.0))["TP"] == 0  # labels have score 1
 
 
-def test_a_run_without_displacement_needs_no_seeds(experiment_root):
+def test_a_run_without_object_shift_needs_no_seeds(experiment_root):
     base = Run(experiment_root, (0,), ("Car",), "sort")
     assert len(over_seeds(base, 5)) == 1
-    moved = Run(experiment_root, (0,), ("Car",), "sort", displacement=1.0)
+    moved = Run(experiment_root, (0,), ("Car",), "sort", object_shift=1.0)
     assert [run.seed for run in over_seeds(moved, 3)] == [0, 1, 2]
 
 
@@ -44,8 +45,8 @@ def test_held_shifts_leave_a_tracker_as_it_was(experiment_root):
     def mota(**displaced):
         return measure(Run(experiment_root, (0,), ("Car",), "sort", **displaced))["MOTA"]
 
-    assert mota(displacement=2.0, hold=True) == mota()
-    assert mota(displacement=2.0) < mota()
+    assert mota(object_shift=2.0, hold=True) == mota()
+    assert mota(object_shift=2.0) < mota()
 
 
 def test_table5_has_a_row_of_ours_above_each_of_the_papers(experiment_root, tmp_path):

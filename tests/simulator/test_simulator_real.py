@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from common.flags import run
-from experiments import simulator_fidelity
 from kitti.boxes import points_in_boxes
 from kitti.sequence import Sequence
 from simulator.fidelity import count_beams, histogram_distance
 from simulator.frames import Options, take_sweep
 from simulator.replay import replay
+from studies import simulator_fidelity
 
 pytestmark = pytest.mark.real
 

@@ -1,6 +1,6 @@
-"""The displacement experiment as it can be read from the paper, each reading beside Table V.
+"""Readings of the paper's displacement experiment (IV.D), each beside Table V.
 
-    python -m experiments.displacement_readings --data_root KITTI --out results/readings
+    python -m studies.displacement_readings --data_root KITTI --out results/readings
 
 The default of `kitti.object_shift` is the reading under which SORT's row with ground-truth boxes
 at 2.0 m comes nearest to the paper's, among those that disturb a tracker at all: a shift that an
@@ -13,9 +13,17 @@ from collections.abc import Sequence
 
 from common import flags
 from evaluation.table import markdown
-from experiments.cli import add_displacement_flags, common_fields, make_parser, write
 from experiments.paper import TABLE5, TABLE5_COLUMNS
-from experiments.runs import TRACKER_NAMES, Run, mean_and_spread, measure_all, over_seeds
+from experiments.runs import (
+    TRACKER_NAMES,
+    Run,
+    add_shift_flags,
+    common_fields,
+    make_parser,
+    mean_and_spread,
+    measure_rows,
+    write,
+)
 from experiments.table5 import PAPER_NAMES, our_cells, paper_cells
 from kitti.object_shift import DEFAULT_READING, LENGTHS
 
@@ -27,20 +35,18 @@ TITLES = {"uniform": "length uniform in [0, D]", "per_axis": "x and y each unifo
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs the trackers under every reading, writes displacement_readings.md and .json."""
     parser = make_parser(__doc__)
-    add_displacement_flags(parser)
+    add_shift_flags(parser)
     args = parser.parse_args(argv)
     fields = common_fields(args)
     rows = {
-        (length, hold, tracker): over_seeds(
-            Run(tracker=tracker, displacement=DISTANCE, length=length, hold=hold, **fields),
-            args.seeds,
+        (length, hold, tracker): Run(
+            tracker=tracker, object_shift=DISTANCE, length=length, hold=hold, **fields
         )
         for length in LENGTHS
         for hold in (False, True)
         for tracker in TRACKERS
     }
-    found = measure_all((run for runs in rows.values() for run in runs), "readings")
-    values = {key: [found[run] for run in runs] for key, runs in rows.items()}
+    values = measure_rows(rows, args.seeds, "readings")
     figures = [
         {"length": length, "hold": hold, "tracker": tracker, "per_seed": per_seed}
         for (length, hold, tracker), per_seed in values.items()

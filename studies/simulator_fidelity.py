@@ -1,6 +1,6 @@
 """Simulated against real scans: KITTI tracking sequence 0000, replayed from its own labels.
 
-`python -m experiments.simulator_fidelity --data_root ../shared/kitti --out DIR` simulates the
+`python -m studies.simulator_fidelity --data_root ../shared/kitti --out DIR` simulates the
 frames that have real scans, prints the table (goals beside it), writes it to DIR/fidelity.json
 and draws bird's-eye views and range images side by side. Without the data it says so and ends.
 """
@@ -18,6 +18,7 @@ from common.flags import ArgumentParser, non_negative_int, positive_int, run
 from common.markdown import markdown
 from common.progress import progress
 from common.provenance import provenance
+from kitti.objects import VEHICLES
 from kitti.sequence import Sequence
 from simulator.fidelity import compare_frame, summarise
 from simulator.frames import Options, take_sweep
@@ -81,7 +82,7 @@ def draw(path: Path, sequence: Sequence, pairs: list[tuple[int, np.ndarray, np.n
 
     figure, axes = plt.subplots(2 * len(pairs), 2, figsize=(11, 6.4 * len(pairs)), squeeze=False)
     for index, (frame, *scans) in enumerate(pairs):
-        boxes = sequence.objects.at(frame).of_classes(("Car", "Van")).boxes
+        boxes = sequence.objects.at(frame).of_classes(VEHICLES).boxes
         for side, (name, scan) in enumerate(zip(("real", "simulated"), scans, strict=True)):
             _bird(axes[2 * index, side], scan, boxes, f"{name}, frame {frame}, {len(scan)} points")
             _range_image(axes[2 * index + 1, side], sequence.calib.level_to_velo(scan[:, :3]))
@@ -124,7 +125,7 @@ def main(argv: Seq[str] | None = None) -> int:
         frames = usable[:: flags.every]
         for frame in progress(frames, len(frames), f"world {seed}", "frames"):
             real, made = sequence.read_points_level(frame), simulate(sequence, world, frame, seed)
-            boxes = sequence.objects.at(frame).of_classes(("Car", "Van")).boxes
+            boxes = sequence.objects.at(frame).of_classes(VEHICLES).boxes
             figures.append(compare_frame(real, made, boxes, sequence.calib))
         if seed == 1:
             pairs = [

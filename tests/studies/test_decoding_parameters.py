@@ -7,8 +7,8 @@ import pytest
 from small_inputs import two_cars
 from small_weights import write_weights
 
-from experiments import decoding_parameters as module
 from models.box_decoding import DecodingConfig, Detections
+from studies import decoding_parameters as module
 
 CAR = np.array([10.0, 0, 0, 4, 2, 1.5, 0])
 
@@ -44,4 +44,4 @@ def test_from_end_to_end(tmp_path, monkeypatch, capsys):
     record = json.loads((tmp_path / "out" / "decoding_parameters.json").read_text())
     assert [row["value"] for row in record["figures"]] == [0.4, 0.5, 2.0]
     assert all(0 <= row["recall"] <= 1 and row["accuracy"] <= 1 for row in record["figures"])
-    assert "| min_probability | 0.4 * |" in capsys.readouterr().out
+    assert "| min_probability | 0.4 * |" in " ".join(capsys.readouterr().out.split())

@@ -1,10 +1,10 @@
 """How Algorithm 1's free parameters were chosen: training sequences, detector boxes, noisy motion.
 
-    python -m experiments.algorithm1_parameters --data_root KITTI --detections DIR --out DIR
+    python -m studies.algorithm1_parameters --data_root KITTI --detections DIR --out DIR
 
 The boxes are detections of a file detector; their displacement is the labels' own plus Gaussian
 noise in the ground plane, which simulates an imperfect network. An object that is lost
-has no points in its box, so its displacement is unknown. Writes table.md and metrics.json.
+has no points in its box, so its displacement is unknown. Writes algorithm1_parameters.md and .json.
 """
 
 from __future__ import annotations
@@ -16,16 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from common.files import write_json, write_text
-from common.flags import ArgumentParser, finite_float, non_negative_int, run
+from common.flags import finite_float, non_negative_int, run
+from common.markdown import markdown
 from common.progress import progress
-from common.provenance import provenance
 from evaluation.detections import DetectionFiles
-from evaluation.scene import Scene
+from evaluation.scene import open_scenes
 from evaluation.tracking_loop import track_scene
+from experiments.runs import make_parser, write
 from kitti.labels import VEHICLES
-from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences
 from metrics.protocols import Entry, evaluate_protocol
 from tracking.association_to_trajectory import AssociationByLabels, AssociationParameters
 
@@ -39,9 +37,10 @@ class Trial:
     noise: float
     parameters: dict[str, Any] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        values = [f"{name} = {value}" for name, value in self.parameters.items()]
-        return f"{self.noise} m | {', '.join(values) or 'defaults'}"
+    @property
+    def described(self) -> str:
+        """ "tau = 0.1"."""
+        return ", ".join(f"{name} = {value}" for name, value in self.parameters.items())
 
 
 TRIALS = (
@@ -70,17 +69,13 @@ class NoisyLabels(AssociationByLabels):
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parses the flags, runs every trial, writes the table."""
-    parser = ArgumentParser(prog="algorithm1_parameters.py", description=__doc__.split("\n")[0])
+    parser = make_parser(__doc__, "0000,0001,0004,0005,0007,0009,0010,0011,0015")
     add = parser.add_argument
-    add("--data_root", type=Path, required=True, help="folder in KITTI's tracking layout")
     add("--detections", type=Path, required=True, help="folder of detection files")
-    add("--seqs", default="0000,0001,0004,0005,0007,0009,0010,0011,0015", help="sequences")
     add("--min_score", type=finite_float, default=2.0, help="least score of a detection")
     add("--seed", type=non_negative_int, default=0, help="of the noise")
-    add("--out", type=Path, required=True, help="folder of the results")
     args = parser.parse_args(argv)
-    sequences = open_sequences(args.data_root, parse_sequences(args.seqs), "training")
-    scenes = [Scene(sequence) for sequence in sequences]
+    scenes = open_scenes(args.data_root, args.seqs)
     provider = DetectionFiles(args.detections, scenes, VEHICLES, args.min_score)
     rows = []
     for trial in progress(TRIALS, len(TRIALS), "algorithm 1", "trials"):
@@ -90,16 +85,14 @@ def main(argv: Sequence[str] | None = None) -> None:
             results = track_scene(scene, provider, tracker, VEHICLES)
             entries.append(Entry(scene.name, scene.num_frames, scene.objects, results))
         rows.append((trial, evaluate_protocol("clear3d", entries, classes=VEHICLES)["overall"]))
-    lines = [f"| displacement noise | parameters | {' | '.join(COLUMNS)} |"]
-    lines.append("|---" * (2 + len(COLUMNS)) + "|")
-    for trial, figures in rows:
-        values = [f"{figures[c]:.4f}" if c in ("MOTA", "MT") else str(figures[c]) for c in COLUMNS]
-        lines.append(f"| {trial} | {' | '.join(values)} |")
-    write_text(args.out / "table.md", "\n".join(lines) + "\n")
-    trials = [{"noise": t.noise, "parameters": t.parameters, "clear3d": f} for t, f in rows]
+    text = markdown(
+        ["displacement noise", "parameters", *COLUMNS],
+        [[f"{t.noise} m", t.described, *(metrics[c] for c in COLUMNS)] for t, metrics in rows],
+    )
+    trials = [{"noise": t.noise, "parameters": t.parameters, "clear3d": m} for t, m in rows]
     config = {name: str(value) for name, value in vars(args).items()}
-    write_json(args.out / "metrics.json", {"run": provenance(config=config), "trials": trials})
-    print("\n".join(lines))
+    title = "Algorithm 1's parameters"
+    write(args.out, "algorithm1_parameters", title, text, trials, config=config)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""How the decoding of per-point predictions into boxes was chosen (models/box_decoding.py).
+"""Parameters of the decoding of per-point predictions into boxes (models/box_decoding.py).
 
-    python -m experiments.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
+    python -m studies.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
 
 Runs the detector once over frames of a held-out training sequence, and decodes with
 one parameter changed at a time. The figure is 1 - (misses + false boxes) / true boxes at 3-D
@@ -18,16 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from common.flags import non_negative_int, positive_int, run
+from common.flags import non_negative_float, non_negative_int, positive_int, run
+from common.markdown import markdown
 from common.progress import progress
-from evaluation.scene import Scene
-from experiments.cli import make_parser, write
+from evaluation.scene import Scene, open_scenes
+from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.object_shift import ObjectShift
 from kitti.scans import sample_points
-from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences
 from models.box_decoding import DecodingConfig, decode_detections
 from models.detector import BoxPredictions, detector_inputs
 from models.probability_filter import foreground_probability
@@ -43,10 +42,11 @@ TRIALS: dict[str, tuple] = {
 }
 LEAST_SCORES = np.arange(0.0, 0.8, 0.025)
 MIN_IOU = 0.5
+COLUMNS = ("accuracy", "recall", "precision", "min_score")
 
 
 class Frame(NamedTuple):
-    """What the detector says about the likely points of one frame, and the truth."""
+    """Predictions at the likely foreground points of one frame, and its labelled boxes."""
 
     query: np.ndarray  # (1, Q, 3) metres, level frame
     predictions: BoxPredictions  # (1, Q, ...)
@@ -64,16 +64,14 @@ def predict(detector, detect, points: np.ndarray, truth: np.ndarray, rng) -> Fra
     return Frame(xyz[:, likely], kept, truth)
 
 
-def frames_of(sequences, detector, every: int, displacement: float, seed: int) -> list[Frame]:
-    """Every `every`-th frame with a scan, objects displaced by up to `displacement` metres."""
+def frames_of(scenes: list[Scene], detector, every: int, seed: int) -> list[Frame]:
+    """Every `every`-th frame with a scan."""
     specification = [tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)]
 
     @tf.function(input_signature=specification, jit_compile=False)
     def detect(xyz):
         return detector(detector_inputs(xyz, detector.config), training=False).boxes
 
-    model = ObjectShift(distance=displacement, seed=seed) if displacement else None
-    scenes = [Scene(sequence, model) for sequence in sequences]
     chosen = [(s, t) for s in scenes for t in range(0, s.num_frames, every)]
     frames = []
     for scene, t in progress(chosen, len(chosen), "detector", "frames"):
@@ -127,12 +125,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     add = parser.add_argument
     add("--weights", type=Path, default=Path("weights/detector.npz"), help="detector checkpoint")
     add("--every", type=positive_int, default=5, help="take every n-th frame")
-    add("--displacement", type=float, default=0.0, help="of objects, metres")
-    add("--seed", type=non_negative_int, default=0, help="of sampling and displacement")
+    shift = ("--object_shift", "--displacement")
+    add(*shift, type=non_negative_float, default=0.0, help="of objects, at most, metres")
+    add("--seed", type=non_negative_int, default=0, help="of sampling and object shift")
     args = parser.parse_args(argv)
-    sequences = open_sequences(args.data_root, parse_sequences(args.seqs), "training")
+    shift = ObjectShift(args.object_shift, args.seed) if args.object_shift else None
+    scenes = open_scenes(args.data_root, args.seqs, shift=shift)
     detector = load_detector(args.weights)
-    frames = frames_of(sequences, detector, args.every, args.displacement, args.seed)
+    frames = frames_of(scenes, detector, args.every, args.seed)
     default, rows = DecodingConfig(), []
     trials: list[tuple[str, Any]] = [(n, v) for n, values in TRIALS.items() for v in values]
     for name, value in progress(trials, len(trials), "decoding", "trials"):
@@ -142,13 +142,13 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _table(default: DecodingConfig, rows) -> str:
-    lines = ["| parameter | value | accuracy | recall | precision | at min_score |"]
-    lines.append("|---|---|---|---|---|---|")
+    lines = []
     for name, value, best in rows:
         star = " *" if value == getattr(default, name) else ""
-        figures = " | ".join(f"{best[key]:.3f}" for key in ("accuracy", "recall", "precision"))
-        lines.append(f"| {name} | {value}{star} | {figures} | {best['min_score']:.3f} |")
-    return "\n".join([*lines, "", "* the default.", ""])
+        metrics = (f"{best[key]:.3f}" for key in COLUMNS)
+        lines.append([name, f"{value}{star}", *metrics])
+    header = ["parameter", "value", *COLUMNS[:-1], "at min_score"]
+    return markdown(header, lines) + "\n* the default.\n"
 
 
 def _figures(rows) -> list[dict[str, Any]]:

@@ -1,25 +1,30 @@
-"""What demo.py does, step by step; each step is skipped if it is done."""
+"""The demo: data, networks, trackers, pictures, page; a finished step is skipped the next time."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from common import flags
+from common.config import to_dict
+from common.config_flags import option
 from common.errors import InputError
 from common.files import write_json, write_text
+from common.markdown import cell, markdown
 from common.provenance import ROOT, provenance
 from common.steps import Steps, key_of
-from evaluation.config import NETWORK, EvaluateConfig
+from evaluation.config import NETWORK, EvaluateConfig, parse_seqs, parse_threshold
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import TRACKS, check_writable
 from evaluation.scene import Scene
-from evaluation.side_by_side import SIDE_BY_SIDE, displaced_scenes, evaluate_cached
-from experiments.comparison_table import HEADER, comparison_markdown, comparison_rows
+from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
+from experiments.paper import TABLE5, TABLE5_COLUMNS
+from experiments.runs import TRACKER_NAMES
 from kitti.labels import Objects, read_results
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
@@ -34,42 +39,52 @@ PICTURE_CODE = {
 SCENE = "scene.html"
 SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
 TITLE = "PointTrackNet: trackers side by side"
+HEADER = ("method", "D (m)", "from", *TABLE5_COLUMNS, "s/frame")
+NAMES = {**TRACKER_NAMES, "pointtracknet": "PointTrackNet"}
+PAPER_SECONDS = {"PointTrackNet": 0.099}  # Table II, N = 15000, N' = 5000, GTX 1080 Ti
+PAPER = "paper, KITTI"
+Row = tuple[str, list[str]]
+
+
+def parse_distances(text: str) -> tuple[float, ...]:
+    """argparse type: "0,2" -> (0.0, 2.0), metres."""
+    return tuple(flags.non_negative_float(part.strip()) for part in text.split(","))
 
 
 @dataclass(frozen=True)
 class DemoConfig:
-    """The demo's settings; the defaults take less than five minutes on two cores.
+    """Settings of demo.py, one flag per field; the defaults take less than five minutes on 2 cores.
 
-    Attributes:
-        out: folder for everything that is made.
-        weights: folder with detector.npz and tracker.npz.
-        sequences, frames: how many simulated held-out sequences, of how many frames.
-        data_root, seqs: recorded data in place of simulated.
-        displacements: metres, section IV.D of the paper; the pictures need 0 to be the first.
-        iou: least 3-D IoU of a match in clear3d.
-        score_threshold: least mean score of a track or "best", for every tracker alike; the
-            default was chosen on the simulated training sequence 0011 (90 frames, both
-            displacements; 0.2 to 0.4 were tried).
+    The default score threshold was chosen on the simulated training sequence 0011 (90 frames, both
+    object shifts; 0.2 to 0.4 were tried).
     """
 
-    out: Path = Path("results/demo")
-    weights: Path = Path("weights")
-    sequences: int = 2
-    frames: int = 80
-    data_root: Path | None = None
-    seqs: tuple[int, ...] = ()
-    displacements: tuple[float, ...] = (0.0, 2.0)
-    iou: float = 0.5
-    score_threshold: float | str = 0.33
-    trackers: tuple[str, ...] = field(default=SIDE_BY_SIDE)
+    out: Path = option(Path("results/demo"), "folder for everything that is made")
+    weights: Path = option(Path("weights"), "folder of the networks' weights")
+    sequences: int = option(2, "simulated ones", flags.positive_int, least=1)
+    frames: int = option(80, "of each simulated one", flags.positive_int, least=1)
+    data_root: Path | None = option(None, "own data in KITTI's tracking layout, not simulated")
+    seqs: tuple[int, ...] | None = option(
+        None, "of --data_root, such as 0000 or 0016-0020", parse_seqs
+    )
+    object_shifts: tuple[float, ...] = option(
+        (0.0, 2.0),
+        "metres, section IV.D; 0 comes first",
+        parse_distances,
+        ("object_shifts", "displacements"),
+        least=0,
+    )
+    iou: float = option(EvaluateConfig.iou, "least 3-D IoU of a match", flags.finite_float)
+    score_threshold: float | str = option(
+        0.33, "least mean score of a track, or best", parse_threshold
+    )
 
     def __post_init__(self):
-        if self.displacements[:1] != (0.0,) or len(set(self.displacements)) < len(
-            self.displacements
-        ):
-            raise InputError(
-                f"--displacements: expected 0 and then others, found {self.displacements}"
-            )
+        shifts = self.object_shifts
+        if shifts[:1] != (0.0,) or len(set(shifts)) < len(shifts):
+            raise InputError(f"--object_shifts: expected 0 and then others, found {shifts}")
+        if (self.data_root is None) != (self.seqs is None):
+            raise InputError("--data_root and --seqs go together")
 
 
 def run_demo(config: DemoConfig) -> dict[str, Any]:
@@ -77,8 +92,8 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     check_writable(config.out)
     demo = Demo(config)
     demo.make_data()
-    demo.record()
-    records = {d: demo.evaluate(d) for d in config.displacements}
+    demo.fill_cache()
+    records = {d: demo.evaluate(d) for d in config.object_shifts}
     demo.draw()
     demo.draw_drive()
     return demo.report(records)
@@ -103,24 +118,24 @@ class Demo:
             simulate([str(value) for value in argv])
 
     def evaluation(self, distance: float) -> EvaluateConfig:
-        """The configuration that all trackers share at a displacement."""
+        """The configuration that all trackers share at an object shift."""
         return EvaluateConfig(
             data_root=self.data_root,
             seqs=self.seqs,
             detections=NETWORK,
             tracker="pointtracknet",
             weights=self.config.weights,
-            displacement=distance,
+            object_shift=distance,
             iou=self.config.iou,
             score_threshold=self.config.score_threshold,
         )
 
     @cached_property
     def scenes(self) -> dict[float, list[Scene]]:
-        """Displacement -> scenes."""
-        return {d: displaced_scenes(self.evaluation(d)) for d in self.config.displacements}
+        """Object shift -> scenes."""
+        return {d: self.evaluation(d).open_scenes() for d in self.config.object_shifts}
 
-    def record(self) -> None:
+    def fill_cache(self) -> None:
         """One pass of the networks over every scene."""
         kept = [self.cached.path(scene) for scenes in self.scenes.values() for scene in scenes]
         for path in self.cached.folder.glob("*.npz"):
@@ -135,7 +150,7 @@ class Demo:
         config = self.evaluation(distance)
         key = key_of(boxes, config, modules=["evaluation.side_by_side"])
         records = {}
-        for tracker in self.config.trackers:
+        for tracker in SIDE_BY_SIDE:
             path = self.folder(distance, tracker) / "record.json"
             self.steps.run(
                 f"{tracker} {distance:g}", key, [path], self._evaluation(distance, tracker, path)
@@ -155,7 +170,7 @@ class Demo:
         return self.config.out / f"{tracker}-{distance:g}m"
 
     def clips(self) -> list[Clip]:
-        """PointTrackNet's tracks of one sequence, at every displacement."""
+        """PointTrackNet's tracks of one sequence, at every object shift."""
         scenes = [scenes[self._shown] for scenes in self.scenes.values()]
         return [
             Clip.of_scene(scene, self._tracks(distance, scene, "pointtracknet"))
@@ -179,14 +194,14 @@ class Demo:
         files = [picture.path for picture in pictures(folder)]
         tracks = [
             (self.folder(d, "pointtracknet") / "record.json").read_bytes()
-            for d in self.config.displacements
+            for d in self.config.object_shifts
         ]
         key = key_of(tracks, **PICTURE_CODE)
         clips = self.clips()
         source = "simulated" if self.simulated else "recorded"
         titles = [
-            f"{source} sequence {clips[0].name}, displacement {d:g} m"
-            for d in self.config.displacements
+            f"{source} sequence {clips[0].name}, objects shifted by up to {d:g} m"
+            for d in self.config.object_shifts
         ]
         self.steps.run("tracks", key, files, lambda: draw_tracks(clips, titles, folder))
         shares = folder / "sampling.json"
@@ -207,14 +222,14 @@ class Demo:
         )
 
     def draw_drive(self) -> None:
-        """The drive of the pictures in 3-D: two trackers at the largest displacement."""
-        distance = max(self.config.displacements)
+        """The drive of the pictures in 3-D: two trackers at the largest object shift."""
+        distance = max(self.config.object_shifts)
         scene, path = self.scenes[distance][self._shown], self.config.out / SCENE
-        trackers = {name: self._tracks(distance, scene, name) for name in self.config.trackers[:2]}
+        trackers = {name: self._tracks(distance, scene, name) for name in SIDE_BY_SIDE[:2]}
         files = [self.folder(distance, name) / "record.json" for name in trackers]
         key = key_of([file.read_bytes() for file in files], **PICTURE_CODE)
         clip = Clip.of_scene(scene, Objects.empty())
-        title = f"sequence {scene.name}, displacement {distance:g} m"
+        title = f"sequence {scene.name}, objects shifted by up to {distance:g} m"
         self.steps.run("scene", key, [path], lambda: draw_scene(clip, trackers, title, path))
 
     def report(self, records: dict[float, dict[str, Any]]) -> dict[str, Any]:
@@ -222,12 +237,11 @@ class Demo:
         out = self.config.out
         rows = comparison_rows(records, "ours, simulated" if self.simulated else "ours")
         notes = self._notes()
-        table = comparison_markdown(rows)
+        table = markdown(HEADER, [cells for _, cells in rows])
         shares = json.loads((out / "sampling.json").read_text(encoding="utf-8"))
         run = provenance(
+            config=to_dict(self.config),
             data=self._data(),
-            score_threshold=self.config.score_threshold,
-            iou=self.config.iou,
             weights_sha256={
                 name: hashlib.sha256((self.config.weights / name).read_bytes()).hexdigest()
                 for name in ("detector.npz", "tracker.npz")
@@ -240,6 +254,7 @@ class Demo:
             "sampled_points_on_vehicles": shares,
         }
         write_json(out / "metrics.json", metrics)
+        write_json(out / "config.json", run)
         made = f"Made by `{run['command']}`."
         parts = [f"# {TITLE}", notes[0], table.rstrip(), *notes[1:], made]
         write_text(out / "table.md", "\n\n".join(parts) + "\n")
@@ -268,10 +283,39 @@ class Demo:
         frames = sum(self._data()["sequences"].values())
         return [
             f"{source}: {len(self.seqs)} sequences, {frames} frames. The paper's rows: KITTI's "
-            "validation sequences, so they stand beside ours, not against them.",
+            "validation sequences, so they are not comparable with ours.",
             f"Protocol clear3d, 3-D IoU at least {self.config.iou:g}; tracks of mean score "
             f"{self.config.score_threshold} or more; every tracker gets the same "
-            "boxes from the detector. D: objects displaced at random by up to D metres in each "
+            "boxes from the detector. D: objects shifted at random by up to D metres in each "
             "frame. s/frame: networks (without the displacement for the baselines) and tracker, "
             "on this machine; the paper's on a GTX 1080 Ti.",
         ]
+
+
+def comparison_rows(records: Mapping[float, Mapping[str, Any]], ours: str) -> list[Row]:
+    """The demo's table with the paper's rows beside ours; each row with its class.
+
+    The class is "ours" (PointTrackNet), "paper" or "".
+
+    Args:
+        records: object shift -> tracker -> the record of `evaluate_cached`.
+        ours: name of our data in the third column, such as "ours, simulated".
+    """
+    rows: list[Row] = []
+    for distance, trackers in records.items():
+        for tracker, record in trackers.items():
+            name, metrics = NAMES[tracker], record["clear3d"]["overall"]
+            seconds = record["seconds_per_frame"]["total"]
+            cells = [_cell(metrics[column]) for column in TABLE5_COLUMNS]
+            kind = "ours" if tracker == "pointtracknet" else ""
+            rows.append((kind, [name, f"{distance:g}", ours, *cells, f"{seconds:.3f}"]))
+            printed = TABLE5["predicted"].get(name, {}).get(distance)
+            if printed is not None:
+                time = PAPER_SECONDS.get(name)
+                cells = [_cell(value) for value in printed]
+                rows.append(("paper", [name, f"{distance:g}", PAPER, *cells, _cell(time)]))
+    return rows
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else cell(value)
