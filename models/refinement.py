@@ -6,11 +6,12 @@ import keras
 import tensorflow as tf
 
 from models.config import TrackerConfig
-from models.feature_propagation import FeaturePropagation, interpolation_indices
+from models.feature_propagation import FeaturePropagation
 from models.layers import SharedMLP
 from models.local_pointnet import Points
-from models.set_abstraction import SetAbstraction, set_abstraction_indices
-from models.set_upconv import SetUpconv, neighbors_within
+from models.set_abstraction import SetAbstraction
+from models.set_upconv import SetUpconv
+from models.tracker_indices import FrameIndices
 
 
 class Refinement(keras.layers.Layer):
@@ -23,7 +24,7 @@ class Refinement(keras.layers.Layer):
 
     def __init__(self, channels: int, skip_channels: int, config: TrackerConfig, **kwargs):
         super().__init__(**kwargs)
-        self.config, momentum = config, config.batch_norm_momentum
+        momentum = config.batch_norm_momentum
         fp1, fp2 = config.refinement_upconv
         self.sa3 = SetAbstraction(channels, config.refinement_abstraction, momentum, name="sa3")
         self.fp1 = SetUpconv(self.sa3.channels, channels, fp1, momentum, name="fp1")
@@ -37,21 +38,17 @@ class Refinement(keras.layers.Layer):
         self.built = True
 
     def call(
-        self, kept_xyz: tf.Tensor, level1: Points, association: Points, training: bool
+        self, indices: FrameIndices, features1: tf.Tensor, association: tf.Tensor, training: bool
     ) -> tf.Tensor:
         """Association displacement (B, N', 3), metres, of the kept points of frame t-1.
 
         Args:
-            kept_xyz: (B, N', 3) kept points. level1: points and features of the tracker's SA1.
-            association: points of SA2 with the association head's features.
+            indices: of frame t-1.
+            features1: (B, 2048, 64) of the tracker's SA1. association: (B, 512, 128).
         """
-        config, xyz1, xyz2 = self.config, level1.xyz, association.xyz
-        indices, xyz3 = set_abstraction_indices(xyz2, config.refinement_abstraction)
-        x = self.sa3(xyz2, association.features, xyz3, indices, training=training)
-        fp1, fp2 = config.refinement_upconv
-        index = neighbors_within(fp1.num_neighbors, fp1.radius, xyz3, xyz2)
-        x = self.fp1(Points(xyz3, x), association, index, training=training)
-        index = neighbors_within(fp2.num_neighbors, fp2.radius, xyz2, xyz1)
-        x = self.fp2(Points(xyz2, x), level1, index, training=training)
-        x = self.fp3(x, None, interpolation_indices(kept_xyz, xyz1), training=training)
+        i, xyz2 = indices, indices.xyz2
+        x = self.sa3(xyz2, association, i.xyz3, i.sa3, training=training)
+        x = self.fp1(Points(i.xyz3, x), Points(xyz2, association), i.fp1, training=training)
+        x = self.fp2(Points(xyz2, x), Points(i.xyz1, features1), i.fp2, training=training)
+        x = self.fp3(x, None, i.fp3, training=training)
         return self.fc2(self.fc1(x, training=training))

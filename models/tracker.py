@@ -15,7 +15,8 @@ from models.feature_propagation import interpolation_indices
 from models.local_pointnet import Points
 from models.probability_filter import probability_filter
 from models.refinement import Refinement
-from models.set_abstraction import SetAbstraction, set_abstraction_indices
+from models.set_abstraction import SetAbstraction
+from models.tracker_indices import FrameIndices, frame_indices
 from tf_ops import gather_point, three_interpolate
 
 
@@ -30,10 +31,19 @@ class TrackerInputs(NamedTuple):
 class EncodedFrame(NamedTuple):
     """One frame after the tracker's SA1 and SA2; on a stream it serves two pairs."""
 
-    kept_xyz: tf.Tensor  # (B, N', 3)
-    level1: Points  # SA1: (B, 2048, 3), (B, 2048, 64)
-    level2: Points  # SA2: (B, 512, 3), (B, 512, 128)
-    rows: tf.Tensor  # (B, 512) int32, the points of SA2 among those kept
+    indices: FrameIndices
+    features1: tf.Tensor  # SA1: (B, 2048, 64)
+    features2: tf.Tensor  # SA2: (B, 512, 128)
+
+    @property
+    def level1(self) -> Points:
+        """Points of SA1 with their features."""
+        return Points(self.indices.xyz1, self.features1)
+
+    @property
+    def level2(self) -> Points:
+        """Points of SA2 with their features."""
+        return Points(self.indices.xyz2, self.features2)
 
 
 class FusedFeatures:
@@ -98,22 +108,18 @@ class TrackingNetwork(keras.Model):
 
     def encode(self, frame: TrackerInputs, training: bool = False) -> EncodedFrame:
         """SA1 and SA2 of one frame; the weights are shared by both frames."""
-        sa1, sa2 = self.config.set_abstraction
-        indices1, xyz1 = set_abstraction_indices(frame.xyz, sa1)
-        indices2, xyz2 = set_abstraction_indices(xyz1, sa2)
-        features1 = self.sa1(frame.xyz, frame.features, xyz1, indices1, training=training)
-        features2 = self.sa2(xyz1, features1, xyz2, indices2, training=training)
-        rows = tf.gather(indices1.sampled, indices2.sampled, batch_dims=1)
-        return EncodedFrame(frame.xyz, Points(xyz1, features1), Points(xyz2, features2), rows)
+        i = frame_indices(frame.xyz, self.config)
+        features1 = self.sa1(frame.xyz, frame.features, i.xyz1, i.sa1, training=training)
+        features2 = self.sa2(i.xyz1, features1, i.xyz2, i.sa2, training=training)
+        return EncodedFrame(i, features1, features2)
 
     def associate(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
-        """The points of SA2 of frame t-1 with the association head's features (B, 512, 128)."""
-        features = self.association(previous.level2, current.level2, training=training)
-        return Points(previous.level2.xyz, features)
+        """The association head's features (B, 512, 128) of the points of SA2 of frame t-1."""
+        return self.association(previous.level2, current.level2, training=training)
 
-    def refine(self, previous: EncodedFrame, association: Points, training: bool = False):
+    def refine(self, previous: EncodedFrame, association: tf.Tensor, training: bool = False):
         """Association displacement (B, N', 3), metres, from the association head's features."""
-        return self.refinement(previous.kept_xyz, previous.level1, association, training=training)
+        return self.refinement(previous.indices, previous.features1, association, training=training)
 
     def displacement(self, previous: EncodedFrame, current: EncodedFrame, training: bool = False):
         """Association displacement (B, N', 3), metres, of the kept points of frame t-1."""

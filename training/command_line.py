@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from common.config_flags import add_flags, from_flags
-from common.flags import ArgumentParser
+from common.flags import ArgumentParser, non_negative_int
 from training.data import add_data_flags, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
@@ -22,6 +22,12 @@ def parser(description: str, config) -> ArgumentParser:
     add("--resume", action="store_true", help="go on where the training in --workdir stopped")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
+    add(
+        "--workers",
+        type=non_negative_int,
+        default=0,
+        help="processes that make samples, for machines with a GPU; 0: threads of this process",
+    )
     add("--deterministic", action="store_true", help="the same bits in every run")
     add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
     add_flags(result, config)
@@ -64,6 +70,7 @@ def train(flags, make_task, config) -> int:
         workdir,
         {**data.record(), "init": flags.init},
         data.pools,
+        flags.workers,
     )
     if flags.init and not flags.resume:
         with strategy.scope():
@@ -73,6 +80,8 @@ def train(flags, make_task, config) -> int:
     except TrainingDivergedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    finally:
+        run.close()
     return 0
 
 

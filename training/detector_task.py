@@ -16,8 +16,8 @@ from models.losses import detection_losses, quality_loss, total_loss
 from models.probability_filter import foreground_probability
 from tf_ops import box_iou_3d
 from training.config import DetectorTrainingConfig
-from training.frames import FrameReader, frame_list
-from training.samples import DetectorSample, make_detector_sample, no_augmentation
+from training.sample_sets import DetectorSamples
+from training.samples import DetectorSample, no_augmentation
 
 # The focal loss of the mask is divided by the number of foreground points, as its paper divides by
 # the matched anchors; below this share of all points (a batch without vehicles) by that share.
@@ -54,29 +54,10 @@ class DetectorTask:
         self.model = Detector(config.detector)
         self.meta = {"network": to_dict(config.detector)}
         self.auxiliary: dict = {}
-        classes = config.detector.box.classes
-        self.reader, self.items = FrameReader(sequences, classes), frame_list(sequences)
-        self.validation_reader = FrameReader(validation, classes)
-        self.validation_items = frame_list(validation)
-        self.validation_roots = [str(validation[i].data_root) for i, _ in self.validation_items]
+        self.samples = DetectorSamples(sequences, config, config.augmentation)
+        self.validation_samples = DetectorSamples(validation, config, no_augmentation())
         self.loss_weights = to_dict(config.loss)
         self.decoding = DecodingConfig()
-
-    def make(self, index: int, position: int) -> DetectorSample:
-        """The sample of an item at a position of the endless order of samples."""
-        return make_detector_sample(
-            self.reader, self.items[index], position, self.config, self.config.augmentation
-        )
-
-    def make_validation(self, index: int, _position: int) -> DetectorSample:
-        """A sample without augmentation; the same each time."""
-        return make_detector_sample(
-            self.validation_reader,
-            self.validation_items[index],
-            index,
-            self.config,
-            no_augmentation(),
-        )
 
     def prepare(self, sample: DetectorSample) -> DetectorBatch:
         """Makes the pyramid of indices, in the input pipeline."""
@@ -143,7 +124,7 @@ class DetectorTask:
             query = batch.inputs.query_xyz.numpy()
             decoded = decode_detections(query, predictions, self.config.detector.box, self.decoding)
             for index, detections in zip(indices, decoded, strict=True):
-                frame = self.validation_reader.read(*self.validation_items[index])
+                frame = self.validation_samples.frame(index)
                 iou = iou_3d(frame.boxes, detections.boxes)
                 hits += np.count_nonzero(iou.max(1, initial=0.0) >= 0.5)
                 boxes, found = boxes + len(frame.boxes), found + len(detections.boxes)

@@ -22,6 +22,7 @@ from training.learning_rate import CyclicalLearningRate
 from training.logs import History, TensorBoard
 from training.pipeline import Order, dataset, make_order, micro_batches
 from training.task import TrainingTask
+from training.workers import SampleWorkers
 
 
 class TrainingDivergedError(RuntimeError):
@@ -39,9 +40,18 @@ class TrainingRun:
     workdir: Path
     chief: bool
     started: dict
+    workers: int = 0  # processes that make samples; 0: threads of this process
 
     def __post_init__(self):
+        self.make_sample = self.task.samples
+        if self.workers:
+            self.make_sample = SampleWorkers(self.task.samples, self.workers)
         self.validation_step = tf.function(self.task.validation_step, jit_compile=False)
+
+    def close(self) -> None:
+        """Ends the worker processes, if there are any."""
+        if self.workers:
+            self.make_sample.close()
 
     @property
     def networks(self) -> dict[str, checkpoint.Variables]:
@@ -85,11 +95,17 @@ class TrainingRun:
 
 
 def start(
-    make_task, strategy: tf.distribute.Strategy, workdir: str | Path, data: dict, pools=()
+    make_task,
+    strategy: tf.distribute.Strategy,
+    workdir: str | Path,
+    data: dict,
+    pools=(),
+    workers: int = 0,
 ) -> TrainingRun:
     """Builds task and optimiser under the strategy.
 
-    `data` describes the data for the record; `pools` are those of `training.data`.
+    `data` describes the data for the record; `pools` are those of `training.data`; `workers` is
+    the number of processes that make samples.
     """
     with strategy.scope():
         task = make_task()
@@ -117,7 +133,7 @@ def start(
         data=data,
         parameters=int(sum(np.prod(v.shape) for v in task.model.trainable_variables)),
     )
-    run = TrainingRun(task, optimizer, strategy, order, Path(workdir), chief, started)
+    run = TrainingRun(task, optimizer, strategy, order, Path(workdir), chief, started, workers)
     with strategy.scope():
         optimizer.build(run.variables)
     return run
@@ -128,7 +144,7 @@ def _order(task, pools, replicas: int) -> Order:
     if schedule.batch_size % replicas:
         raise InputError(f"batch_size {schedule.batch_size} is no multiple of {replicas} replicas")
     return make_order(
-        task.items, pools, schedule.frames_per_epoch, schedule.batch_size, schedule.seed
+        task.samples.items, pools, schedule.frames_per_epoch, schedule.batch_size, schedule.seed
     )
 
 
@@ -189,10 +205,11 @@ def training_data(run: TrainingRun, first: int, last: int):
         number = context.input_pipeline_id if context else 0
         local = replicas // pipelines
         return dataset(
-            task.make,
+            run.make_sample,
             task.prepare,
             lambda: micro_batches(order, first, last, number, local, replicas),
             order.batch_size // replicas,
+            parallel=run.workers or 2,
         )
 
     if replicas == 1:
@@ -263,7 +280,7 @@ def _epoch(
 def _validate(run: TrainingRun) -> dict[str, float]:
     """Validation metrics: the mean over data roots, and those of each where there are several."""
     by_root: dict[str, list[int]] = {}
-    for index, root in enumerate(run.task.validation_roots):
+    for index, root in enumerate(run.task.validation_samples.roots):
         by_root.setdefault(root, []).append(index)
     found = {root: _validate_items(run, np.array(items)) for root, items in by_root.items()}
     if len(found) <= 1:
@@ -285,7 +302,7 @@ def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
     size = min(4, count)
     chosen = chosen[: count - count % size].reshape(-1, size)
     data = dataset(
-        task.make_validation, task.prepare, lambda: zip(chosen, chosen, strict=True), size
+        task.validation_samples, task.prepare, lambda: zip(chosen, chosen, strict=True), size
     )
     step = run.validation_step
     return task.validate(
@@ -297,7 +314,7 @@ def _picture(run: TrainingRun, board: TensorBoard, step: int) -> None:
     """A bird's-eye picture of the first validation sample."""
     from training.pictures import birds_eye
 
-    if run.task.validation_items:
+    if run.task.validation_samples.items:
         board.picture(step, "birds_eye", birds_eye(run.task))
 
 

@@ -15,7 +15,7 @@ def birds_eye(task):
     """A matplotlib figure of the first validation sample: points, truth (green), network (blue)."""
     figure = Figure(figsize=(9, 7), layout="constrained")
     panel = figure.subplots()
-    sample = task.make_validation(0, 0)
+    sample = task.validation_samples(0, 0)
     batch = task.prepare(tf.nest.map_structure(lambda x: tf.convert_to_tensor(x)[None], sample))
     if task.kind == "detector":
         _detector_panel(panel, task, batch)
@@ -30,7 +30,7 @@ def _detector_panel(panel, task, batch) -> None:
     probability = foreground_probability(outputs.boxes.mask_logits).numpy()[0]
     xyz = batch.inputs.query_xyz.numpy()
     panel.scatter(xyz[0, :, 0], xyz[0, :, 1], c=probability, s=0.5, cmap="coolwarm", vmin=0, vmax=1)
-    frame = task.validation_reader.read(*task.validation_items[0])
+    frame = task.validation_samples.frame(0)
     draw_boxes(panel, frame.boxes, "green", linewidth=1)
     found = decode_detections(xyz, outputs.boxes, task.config.detector.box, task.decoding)[0]
     draw_boxes(panel, found.boxes, "blue", linewidth=1)

@@ -132,7 +132,7 @@ def dataset(
     prepare: Callable,
     batches: Callable,
     batch_size: int,
-    deterministic: bool = True,
+    parallel: int = 2,
 ) -> tf.data.Dataset:
     """Batches of prepared samples.
 
@@ -140,6 +140,7 @@ def dataset(
         make: (index, position) -> sample, a structure of arrays of fixed shapes.
         prepare: batch of samples -> input of the training step (indices are made here).
         batches: () -> iterator of (indices, positions), each (batch_size,) int64.
+        parallel: calls of `make` at the same time.
     """
     example = make(*(int(x[0]) for x in next(iter(batches()))))
     spec = tf.TensorSpec([batch_size], tf.int64)
@@ -147,11 +148,11 @@ def dataset(
     data = data.unbatch()
     data = data.map(
         lambda index, position: numpy_map(make, example, index, position),
-        num_parallel_calls=2,
-        deterministic=deterministic,
+        num_parallel_calls=parallel,
+        deterministic=True,
     )
     data = data.batch(batch_size, drop_remainder=True)
-    data = data.map(prepare, num_parallel_calls=1, deterministic=deterministic)
+    data = data.map(prepare, num_parallel_calls=1, deterministic=True)
     options = tf.data.Options()
     options.experimental_distribute.auto_shard_policy = tf.data.experimental.AutoShardPolicy.OFF
     return data.prefetch(2).with_options(options)

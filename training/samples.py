@@ -13,11 +13,10 @@ from kitti.targets import association_displacement, foreground_labels, point_dis
 from models.box_coding import BoxTargets, encode_boxes
 from models.config import BoxCodingConfig
 from training.augmentation import SceneTransform
-from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
-from training.frames import FrameReader, LabelledFrame
+from training.config import AugmentationConfig, DetectorTrainingConfig
+from training.frames import LabelledFrame
 from training.object_bank import ObjectBank
 from training.pasting import paste_objects
-from training.single_scan import split_scan
 
 
 class DetectorSample(NamedTuple):
@@ -202,38 +201,3 @@ def _displacement_of_points(owner, boxes, ids, other_boxes, other_ids):
     foreground = np.where(np.append(valid, False)[owner], 1, -1)
     foreground[owner < 0] = 0
     return point_displacement(owner, displacement), foreground.astype(np.int32)
-
-
-def make_detector_sample(
-    reader: FrameReader,
-    item: tuple[int, int],
-    position: int,
-    config: DetectorTrainingConfig,
-    augmentation: AugmentationConfig,
-):
-    """DetectorSample of frame `item`; the same for the same (seed, position in the order)."""
-    rng = np.random.default_rng([config.schedule.seed, position])
-    bank = reader.bank if augmentation.pasted_objects else None
-    return detector_sample(reader.read(*item), config, augmentation, rng, bank)
-
-
-def make_pair_sample(
-    reader: FrameReader,
-    item: tuple[int, int],
-    position: int,
-    config: TrackerTrainingConfig,
-    num_points: int,
-    augmentation: AugmentationConfig,
-):
-    """PairSample of frames (t-1, t) with item = (sequence, t); see `make_detector_sample`.
-
-    Where there is no scan t-1, both frames come from scan t (`split_scan`).
-    """
-    rng = np.random.default_rng([config.schedule.seed, position])
-    sequence, t = item
-    current = reader.read(sequence, t)
-    if reader.sequences[sequence].has_scan(t - 1):
-        previous = reader.read(sequence, t - 1)
-    else:
-        previous, current = split_scan(current, rng)
-    return pair_sample(previous, current, num_points, augmentation, rng)

@@ -12,6 +12,21 @@ from models.checkpoint import Variables
 from training.config import ScheduleConfig
 
 
+class SampleSet(Protocol):
+    """Samples as a function of (index, position), picklable (DetectorSamples, PairSamples).
+
+    Attributes:
+        items: (index of the sequence, frame) of each sample of an epoch.
+        roots: the data root of each item.
+    """
+
+    items: list[tuple[int, int]]
+    roots: list[str]
+
+    def __call__(self, index: int, position: int) -> Any:
+        """The sample of an item at a position of the endless order, a structure of arrays."""
+
+
 class TrainingTask(Protocol):
     """A network with its samples, losses and validation (DetectorTask, TrackerTask).
 
@@ -22,8 +37,8 @@ class TrainingTask(Protocol):
         model: the network that is trained.
         auxiliary: variables that training needs and the network does not, by name.
         meta: further entries of a checkpoint's meta, among them "network".
-        items, validation_items: frames or pairs, one for each sample of an epoch.
-        validation_roots: the data root of each validation item.
+        samples, validation_samples: the samples to train on and, without augmentation, to
+            validate on.
     """
 
     kind: str
@@ -34,15 +49,8 @@ class TrainingTask(Protocol):
     model: keras.Model
     auxiliary: Variables
     meta: dict[str, Any]
-    items: list[tuple[int, int]]
-    validation_items: list[tuple[int, int]]
-    validation_roots: list[str]
-
-    def make(self, index: int, position: int) -> Any:
-        """The sample of an item at a position of the endless order of samples (NumPy arrays)."""
-
-    def make_validation(self, index: int, position: int) -> Any:
-        """A validation sample without augmentation; the same each time."""
+    samples: SampleSet
+    validation_samples: SampleSet
 
     def prepare(self, sample: Any) -> Any:
         """A batch of samples -> the input of a training step, in the input pipeline."""

@@ -23,8 +23,8 @@ from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 from models.weights import network_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
-from training.frames import FrameReader, pair_list
-from training.samples import PairSample, make_pair_sample, no_augmentation
+from training.sample_sets import PairSamples
+from training.samples import PairSample, no_augmentation
 
 
 class PairBatch(NamedTuple):
@@ -84,12 +84,10 @@ class TrackerTask:
         self.readout = keras.layers.Dense(3, name="readout")
         self.readout.build((None, self.model.association.channels))
         self.auxiliary = {f"readout/{v.name}": v for v in self.readout.weights}
-        classes = detector.config.box.classes
-        self.reader = FrameReader(sequences, classes)
-        self.items = pair_list(sequences, config.augmentation.single_scan_pairs)
-        self.validation_reader = FrameReader(validation, classes)
-        self.validation_items = pair_list(validation)
-        self.validation_roots = [str(validation[i].data_root) for i, _ in self.validation_items]
+        self.samples = PairSamples(sequences, config, detector.config, config.augmentation)
+        self.validation_samples = PairSamples(
+            validation, config, detector.config, no_augmentation()
+        )
         alpha, beta, deep = config.loss.alpha, config.loss.beta, config.deep_supervision
         self.loss_weights = {
             "pos": alpha,
@@ -97,28 +95,6 @@ class TrackerTask:
             "head_pos": deep * alpha,
             "head_neg": deep * beta,
         }
-
-    def make(self, index: int, position: int) -> PairSample:
-        """The sample of a pair at a position of the endless order of samples."""
-        return make_pair_sample(
-            self.reader,
-            self.items[index],
-            position,
-            self.config,
-            self.detector.config.num_points,
-            self.config.augmentation,
-        )
-
-    def make_validation(self, index: int, _position: int) -> PairSample:
-        """A sample without augmentation; the same each time."""
-        return make_pair_sample(
-            self.validation_reader,
-            self.validation_items[index],
-            index,
-            self.config,
-            self.detector.config.num_points,
-            no_augmentation(),
-        )
 
     def prepare(self, sample: PairSample) -> PairBatch:
         """Makes the detector's pyramids of indices, in the input pipeline."""
@@ -148,10 +124,10 @@ class TrackerTask:
         encoded = self.model.encode(frames, training)
         association = self.model.associate(encoded, other_frames(encoded), training)
         displacement = self.model.refine(encoded, association, training)
-        sampled = tf.gather(frames.rows, encoded.rows, batch_dims=1)
+        sampled = tf.gather(frames.rows, encoded.indices.kept_rows, batch_dims=1)
         return (
             Prediction.at(frames.rows, displacement, batch),
-            Prediction.at(sampled, self.readout(association.features), batch),
+            Prediction.at(sampled, self.readout(association), batch),
         )
 
     def losses(self, batch: PairBatch, training: bool) -> dict[str, tf.Tensor]:

@@ -178,7 +178,7 @@ def test_both_ways_are_the_pair_and_the_pair_backwards():
     encoded = tracker.encode(both)
     found = tracker.displacement(encoded, other_frames(encoded))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
-    points = tf.gather(both.xyz, encoded.rows, batch_dims=1)
+    points = tf.gather(both.xyz, encoded.indices.kept_rows, batch_dims=1)
     np.testing.assert_array_equal(points, encoded.level2.xyz)
 
 

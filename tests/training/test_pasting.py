@@ -14,10 +14,11 @@ from kitti.ground import fit_ground
 from kitti.iou import iou_bev
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig
-from training.frames import FrameReader, LabelledFrame, read_frame
+from training.frames import LabelledFrame, read_frame
 from training.object_bank import MIN_POINTS, CutObject, ObjectBank, cut_objects
 from training.pasting import MIN_VISIBLE, ROOM, paste_objects
-from training.samples import detector_sample, make_detector_sample
+from training.sample_sets import DetectorSamples
+from training.samples import detector_sample
 
 CLASSES = ("Car", "Van")
 
@@ -191,11 +192,8 @@ def test_samples_hold_pasted_objects_and_are_the_same_again(tiny_data):
     config = DetectorTrainingConfig(small)
     counts = []
     for augmentation in (plain, pasting, pasting):
-        reader = FrameReader(sequences, CLASSES)
-        samples = [
-            make_detector_sample(reader, (0, 0), position, config, augmentation)
-            for position in range(6)
-        ]
+        make = DetectorSamples(sequences, config, augmentation)
+        samples = [make(0, position) for position in range(6)]
         counts.append(np.array([sample.foreground.sum() for sample in samples]))
         assert all(len(sample.points) == 400 for sample in samples)
     assert (counts[1] >= counts[0]).all() and (counts[1] > counts[0]).any()

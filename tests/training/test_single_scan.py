@@ -6,13 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from network_cases import SMALL_DETECTOR
 from two_cars import boxes_at, write_sequence
 
 from kitti.boxes import points_in_boxes
 from kitti.sequence import open_sequences
-from training.config import AugmentationConfig, TrackerTrainingConfig
-from training.frames import FrameReader, pair_list, read_frame
-from training.samples import make_pair_sample, no_augmentation, pair_sample, shifted
+from training.config import TrackerTrainingConfig
+from training.frames import pair_list, read_frame
+from training.sample_sets import PairSamples
+from training.samples import no_augmentation, pair_sample, shifted
 from training.single_scan import MAX_FORWARD, MAX_YAW, ego_motion, split_scan
 
 CLASSES = ("Car", "Van")
@@ -93,11 +95,15 @@ def test_labels_lead_into_the_box_of_the_other_frame(frame, seed, shift):
 
 
 def test_samples_take_single_scans_and_real_pairs(sequences):
-    reader, config = FrameReader(sequences, CLASSES), TrackerTrainingConfig()
-    samples = [
-        make_pair_sample(reader, item, 4, config, 150, AugmentationConfig())
-        for item in ((0, 0), (0, 3), (0, 0))
-    ]
+    config, detector = TrackerTrainingConfig(), dataclasses.replace(SMALL_DETECTOR, num_points=150)
+    make = PairSamples(
+        sequences,
+        config,
+        detector,
+        dataclasses.replace(config.augmentation, single_scan_pairs=True),
+    )
+    rows = [make.items.index(item) for item in ((0, 0), (0, 3), (0, 0))]
+    samples = [make(row, 4) for row in rows]
     for sample in samples:
         assert sample.points.shape == (2, 150, 3)
         assert (sample.foreground == 1).sum() > 20

@@ -1,0 +1,92 @@
+"""The samples of a training as functions of (index, position).
+
+They are picklable: a worker process makes the same samples as its parent.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from kitti.sequence import Sequence
+from models.config import DetectorConfig
+from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
+from training.frames import FrameReader, LabelledFrame, frame_list, pair_list
+from training.samples import DetectorSample, PairSample, detector_sample, pair_sample
+from training.single_scan import split_scan
+
+
+class FrameItems:
+    """(index of the sequence, frame) of each sample, and the labelled frames.
+
+    Attributes:
+        items: one for each sample of an epoch.
+        roots: the data root of each item.
+    """
+
+    def __init__(
+        self, sequences: list[Sequence], classes: tuple[str, ...], items: list[tuple[int, int]]
+    ):
+        self.sequences, self.classes, self.items = sequences, classes, items
+        self.roots = [str(sequences[i].data_root) for i, _ in items]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the reader with its cache."""
+        return {key: value for key, value in vars(self).items() if key != "reader"}
+
+    @cached_property
+    def reader(self) -> FrameReader:
+        """Frames of the sequences, the last few in memory."""
+        return FrameReader(self.sequences, self.classes)
+
+    def frame(self, index: int) -> LabelledFrame:
+        """The labelled frame of an item."""
+        return self.reader.read(*self.items[index])
+
+
+class DetectorSamples(FrameItems):
+    """A DetectorSample of every frame with a scan."""
+
+    def __init__(
+        self,
+        sequences: list[Sequence],
+        config: DetectorTrainingConfig,
+        augmentation: AugmentationConfig,
+    ):
+        super().__init__(sequences, config.detector.box.classes, frame_list(sequences))
+        self.config, self.augmentation = config, augmentation
+
+    def __call__(self, index: int, position: int) -> DetectorSample:
+        """The sample of an item at a position of the endless order; fixed by seed and position."""
+        rng = np.random.default_rng([self.config.schedule.seed, position])
+        bank = self.reader.bank if self.augmentation.pasted_objects else None
+        return detector_sample(self.frame(index), self.config, self.augmentation, rng, bank)
+
+
+class PairSamples(FrameItems):
+    """A PairSample of every two adjacent scans (t-1, t), and of single scans where configured."""
+
+    def __init__(
+        self,
+        sequences: list[Sequence],
+        config: TrackerTrainingConfig,
+        detector: DetectorConfig,
+        augmentation: AugmentationConfig,
+    ):
+        items = pair_list(sequences, augmentation.single_scan_pairs)
+        super().__init__(sequences, detector.box.classes, items)
+        self.seed, self.num_points = config.schedule.seed, detector.num_points
+        self.augmentation = augmentation
+
+    def __call__(self, index: int, position: int) -> PairSample:
+        """As `DetectorSamples`; without a scan t-1 both frames come from scan t (`split_scan`)."""
+        rng = np.random.default_rng([self.seed, position])
+        sequence, t = self.items[index]
+        current = self.frame(index)
+        if self.sequences[sequence].has_scan(t - 1):
+            previous = self.reader.read(sequence, t - 1)
+        else:
+            previous, current = split_scan(current, rng)
+        return pair_sample(previous, current, self.num_points, self.augmentation, rng)
