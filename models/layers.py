@@ -5,7 +5,7 @@ from __future__ import annotations
 import keras
 import tensorflow as tf
 
-from tf_ops.devices import has_gpu
+from tf_ops.devices import fused_ops
 from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
 
 EPSILON = 1e-3  # of BatchNorm; Keras's default
@@ -52,7 +52,7 @@ class BatchNormReLU(keras.layers.Layer):
         """
         shape, replicas = tf.shape(x), tf.distribute.get_replica_context()
         joint = replicas is not None and replicas.num_replicas_in_sync > 1
-        if joint or has_gpu():
+        if joint or not fused_ops():
             y, mean, variance = self._unfused(tf.reshape(x, [-1, self.channels]), replicas, joint)
             y = tf.reshape(y, shape)
             y = tf.reduce_max(y, -2) if pool else y

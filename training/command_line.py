@@ -55,12 +55,14 @@ def configured(flags, config):
 
 def train(flags, make_task, config) -> int:
     """Runs a training as the flags say; returns the exit code (1 if it diverged)."""
+    from tf_ops.devices import describe_device
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
 
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():
         prepare_workdir(workdir, flags.resume)
+    print(describe_device(), flush=True)
     strategy = make_strategy(flags.strategy)
     seed_everything(config.schedule.seed, flags.deterministic)
     data = open_data(flags)

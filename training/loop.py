@@ -24,6 +24,9 @@ from training.pipeline import Order, dataset, make_order, micro_batches
 from training.task import TrainingTask
 from training.workers import SampleWorkers
 
+READ_SECONDS = 1.0
+"""Between two readings of the steps' losses, which are checked, summed up and shown."""
+
 
 class TrainingDivergedError(RuntimeError):
     """The loss is not finite; the last good checkpoint is kept."""
@@ -209,7 +212,7 @@ def training_data(run: TrainingRun, first: int, last: int):
             task.prepare,
             lambda: micro_batches(order, first, last, number, local, replicas),
             order.batch_size // replicas,
-            parallel=run.workers or 2,
+            parallel=2 * run.workers or 2,
         )
 
     if replicas == 1:
@@ -254,25 +257,30 @@ def _epoch(
     """Runs the rest of an epoch; returns the means of its terms (of the steps run here)."""
     schedule, per_epoch = run.task.schedule, run.order.steps_per_epoch
     sums: dict[str, float] = {}
-    saved, first = time.monotonic(), step
+    saved = read = time.monotonic()
+    first, unread, end = step, [], (epoch + 1) * per_epoch
     title = f"{run.task.kind} epoch {epoch + 1}/{schedule.epochs}"
     with Progress(per_epoch, title, "step", initial=step - epoch * per_epoch) as bar:
-        while step < (epoch + 1) * per_epoch:
-            values = {
-                name: float(v)
-                for name, v in train_step(next(batches), step < run.frozen_from).items()
-            }
-            if not all(map(math.isfinite, values.values())):
-                raise TrainingDivergedError(f"step {step}: {values}; the last checkpoint is kept")
+        while step < end:
+            unread.append(train_step(next(batches), step < run.frozen_from))
             step += 1
-            for name, value in values.items():
-                sums[name] = sums.get(name, 0.0) + value
+            now = time.monotonic()
+            save = run.chief and now - saved > 60 * schedule.checkpoint_minutes
+            if not (save or step == end or now - read > READ_SECONDS):
+                continue  # reading waits for the device
+            for i, terms in enumerate(unread, step - len(unread)):
+                values = {name: float(v) for name, v in terms.items()}
+                if not all(map(math.isfinite, values.values())):
+                    raise TrainingDivergedError(f"step {i}: {values}; the last checkpoint is kept")
+                for name, value in values.items():
+                    sums[name] = sums.get(name, 0.0) + value
             rate = float(run.optimizer.learning_rate)
             shown = {name: f"{value:.3f}" for name, value in values.items()}
-            bar.update(1, lr=f"{rate:.1e}", **shown)
-            if run.chief and time.monotonic() - saved > 60 * schedule.checkpoint_minutes:
+            bar.update(len(unread), lr=f"{rate:.1e}", **shown)
+            unread, read = [], now
+            if save:
                 _save(run, folder, step, {})
-                saved = time.monotonic()
+                saved = now
     means = {name: value / (step - first) for name, value in sums.items()}
     return {**means, "learning_rate": rate}
 

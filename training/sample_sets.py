@@ -14,6 +14,7 @@ from kitti.sequence import Sequence
 from models.config import DetectorConfig
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
 from training.frames import FrameReader, LabelledFrame, frame_list, pair_list
+from training.object_bank import ObjectBank
 from training.samples import DetectorSample, PairSample, detector_sample, pair_sample
 from training.single_scan import split_scan
 
@@ -58,11 +59,19 @@ class DetectorSamples(FrameItems):
         super().__init__(sequences, config.detector.box.classes, frame_list(sequences))
         self.config, self.augmentation = config, augmentation
 
+    @cached_property
+    def bank(self) -> ObjectBank | None:
+        """The objects to paste, cut from the sequences at the first use."""
+        return self.reader.bank if self.augmentation.pasted_objects else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The objects to paste go along: they are cut once, not in each worker."""
+        return {**super().__getstate__(), "bank": self.bank}
+
     def __call__(self, index: int, position: int) -> DetectorSample:
         """The sample of an item at a position of the endless order; fixed by seed and position."""
         rng = np.random.default_rng([self.config.schedule.seed, position])
-        bank = self.reader.bank if self.augmentation.pasted_objects else None
-        return detector_sample(self.frame(index), self.config, self.augmentation, rng, bank)
+        return detector_sample(self.frame(index), self.config, self.augmentation, rng, self.bank)
 
 
 class PairSamples(FrameItems):

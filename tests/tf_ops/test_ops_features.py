@@ -235,7 +235,7 @@ def test_empty(shape):
     np.testing.assert_array_equal(tape.gradient(grouped, points), np.zeros(points.shape))
 
 
-def test_without_the_kernels_tf_gather_gives_the_same(monkeypatch):
+def test_without_the_kernels_tensorflow_gives_the_same():
     """The way taken on a GPU, run here on the CPU."""
     points, index, weight = normal(2, 9, 8), indices(9, 2, 5, 3), normal(2, 5, 3)
     pair = normal(2, 5, 8), normal(2, 5, 3, 2), normal(2, 8)
@@ -249,10 +249,21 @@ def test_without_the_kernels_tf_gather_gives_the_same(monkeypatch):
         )
 
     ours = results()
-    for module in ("grouping", "interpolation"):
-        monkeypatch.setattr(f"tf_ops.{module}.has_gpu", lambda: True)
-    theirs = results()
+    with devices.without_fused_ops():
+        theirs = results()
     np.testing.assert_array_equal(ours[0], theirs[0])
     for mine, other in zip(ours[1:], theirs[1:], strict=True):
         np.testing.assert_allclose(mine, other, atol=1e-6)
     assert devices.has_gpu() == bool(tf.config.list_physical_devices("GPU"))
+
+
+def test_the_placement_decides(monkeypatch):
+    """With a GPU in sight the CPU's ops serve what is placed on the CPU, and only that."""
+    assert devices.fused_ops() or devices.has_gpu()
+    monkeypatch.setattr(devices, "has_gpu", lambda: True)
+    with tf.Graph().as_default():
+        assert not devices.fused_ops()
+        with tf.device("/GPU:0"):
+            assert not devices.fused_ops()
+        with tf.device("/CPU:0"):
+            assert devices.fused_ops()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tensorflow as tf
 
-from tf_ops.devices import has_gpu, on_cpu
+from tf_ops.devices import fused_ops, gather_rows, on_cpu
 from tf_ops.loading import load_library
 
 for _name in ("QueryBallPoint", "KnnPoint"):
@@ -71,8 +71,8 @@ def group_point(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
         InvalidArgumentError: an index out of range, or a wrong shape. (On a GPU rows of an index
             out of range are 0, as tf.gather defines it.)
     """
-    if has_gpu():
-        return tf.gather(points, idx, batch_dims=1)
+    if not fused_ops():
+        return gather_rows(points, idx)
     return load_library().point_track_net_group_point(points=points, index=idx)
 
 
@@ -115,8 +115,8 @@ def group_difference(
     Raises:
         InvalidArgumentError: an index out of range, or a wrong shape.
     """
-    if has_gpu():
-        grouped = tf.gather(points, idx, batch_dims=1) - query[:, :, tf.newaxis, :]
+    if not fused_ops():
+        grouped = gather_rows(points, idx) - query[:, :, tf.newaxis, :]
         if pair is not None:
             grouped += tf.einsum("bmke,ec->bmkc", pair, weight)
         return tf.nn.relu(grouped) if relu else grouped

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tensorflow as tf
 
-from tf_ops.devices import has_gpu, on_cpu
+from tf_ops.devices import fused_ops, gather_rows, on_cpu
 from tf_ops.loading import load_library
 
 tf.no_gradient("PointTrackNet>ThreeNn")
@@ -43,8 +43,8 @@ def three_interpolate(points: tf.Tensor, idx: tf.Tensor, weight: tf.Tensor) -> t
     Raises:
         InvalidArgumentError: an index out of range, or a wrong shape.
     """
-    if has_gpu():
-        rows = tf.cast(tf.gather(points, idx, batch_dims=1), tf.float32)
+    if not fused_ops():
+        rows = tf.cast(gather_rows(points, idx), tf.float32)
         return tf.cast(tf.reduce_sum(rows * weight[..., None], axis=2), points.dtype)
     return load_library().point_track_net_three_interpolate(points=points, index=idx, weight=weight)
 
