@@ -41,12 +41,16 @@ PAPER = {  # seconds; Table II, GTX 1080 Ti
 
 
 def median_seconds(call: Callable[[], object], repeats: int) -> float:
-    """Median wall time of `call` after one call to warm up."""
+    """Median wall time of `call`, waiting for the device, after one call to warm up."""
+    import tensorflow as tf
+
     call()
+    tf.test.experimental.sync_devices()
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
         call()
+        tf.test.experimental.sync_devices()
         times.append(time.perf_counter() - start)
     return statistics.median(times)
 
@@ -175,14 +179,15 @@ def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
     return times
 
 
-def table(detector: dict[str, float], stream: dict[tuple[int, int], float]) -> str:
+def table(detector: dict[str, float], stream: dict[tuple[int, int], float], device: str) -> str:
     """Both tables as Markdown."""
     measured = [(name, f"{value:.3f}") for name, value in detector.items()]
     rows = [(n, k, f"{s:.3f}", f"{PAPER[n, k]:.3f}") for (n, k), s in stream.items()]
     return (
-        markdown(["measured", "seconds a frame"], measured)
+        f"{device}\n\n"
+        + markdown(["measured", "seconds a frame"], measured)
         + "\n"
-        + markdown(["N", "N'", "ours, CPU (s)", "paper, GPU (s)"], rows)
+        + markdown(["N", "N'", "ours (s)", "paper, GTX 1080 Ti (s)"], rows)
     )
 
 
@@ -194,7 +199,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("results/table2"))
     flags = parser.parse_args(argv)
     from models.weights import load_networks
+    from tf_ops.devices import describe_device
 
+    device = describe_device()
     networks = load_networks(flags.weights)
     config = networks[0].config
     with tempfile.TemporaryDirectory() as folder:
@@ -204,11 +211,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         detector |= training_times(config, sequence, flags.repeats)
     stream = stream_times(networks, scans, flags.repeats)
     metrics = {
+        "device": device,
         "detector": detector,
         "stream": [{"N": n, "N'": k, "seconds": s} for (n, k), s in stream.items()],
     }
     details = {"config": {"repeats": flags.repeats}}
-    write(flags.out, "table2", "Table II", table(detector, stream), metrics, **details)
+    write(flags.out, "table2", "Table II", table(detector, stream, device), metrics, **details)
 
 
 if __name__ == "__main__":
