@@ -148,11 +148,11 @@ def resized(networks, num_points: int, num_kept_points: int):
     from models.detector import Detector
     from models.tracker import TrackingNetwork
 
-    detector, tracker = networks
+    detector, tracker, _ = networks
     config = dataclasses.replace(detector.config, num_points=num_points)
     track = dataclasses.replace(tracker.config, num_kept_points=num_kept_points)
     others = Detector(config), TrackingNetwork(config, track)
-    for other, network in zip(others, networks, strict=True):
+    for other, network in zip(others, (detector, tracker), strict=True):
         other.set_weights(network.get_weights())
     return others
 

@@ -8,8 +8,18 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.scans import sample_points
-from models.box_decoding import DecodingConfig, Detections, best_first, cluster, propose
-from models.detector import Detector, detector_inputs
+from models.box_decoding import (
+    Clusters,
+    DecodingConfig,
+    Detections,
+    Proposals,
+    best_first,
+    cluster,
+    propose,
+)
+from models.box_score import BoxScorer
+from models.cluster_features import cluster_features
+from models.detector import Detector, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
 from models.tracker import EncodedFrame, TrackingNetwork
@@ -27,18 +37,61 @@ class FrameState(NamedTuple):
     encoded: EncodedFrame | None
 
 
+def frame_proposals(
+    detector: Detector, xyz: tf.Tensor, outputs: DetectorOutputs, min_probability: float
+) -> tuple[Proposals, tf.Tensor]:
+    """Proposals and foreground probability (N,) of the single frame xyz (1, N, 3) of a batch."""
+    boxes = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
+    proposals = propose(xyz[0], boxes, detector.config.box, min_probability, outputs.fc1[0])
+    return proposals, foreground_probability(boxes.mask_logits)
+
+
+def sample_scan(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(n, >=3) points -> (1, count, 3) float32 of them in random order; repeats where n < count.
+
+    In random order, as in training: a ball query takes the first points it finds.
+    """
+    rows = sample_points(points, count, rng)
+    return np.ascontiguousarray(points[rows, :3], np.float32)[None]
+
+
+def box_scores(
+    clusters: Clusters, scorer: BoxScorer | None, points: np.ndarray, probability: np.ndarray
+) -> np.ndarray:
+    """(K,) scores of the clusters of a frame: the scorer's, or without one their agreement.
+
+    points (N, 3) and their foreground probability (N,) are those that the network saw.
+    """
+    if scorer is None or not len(clusters.boxes):
+        return clusters.agreement
+    return scorer.scores(cluster_features(clusters, points, probability))
+
+
 class StreamingNetwork:
-    """Detector and tracker, batch normalisation folded and compiled once, fed frame by frame."""
+    """Detector and tracker, batch normalisation folded and compiled once, fed frame by frame.
+
+    Args:
+        detector, tracker, scorer: as `models.weights.load_networks` gives them; without a scorer
+            boxes are scored by agreement.
+        decoding: how points become boxes.
+        seed: of the choice of points.
+        min_score: least score of a box; None: the scorer's, without one that of `decoding`.
+    """
 
     def __init__(
         self,
         detector: Detector,
         tracker: TrackingNetwork,
+        scorer: BoxScorer | None = None,
+        *,
         decoding: DecodingConfig | None = None,
         seed: int = 0,
+        min_score: float | None = None,
     ):
-        self.detector, self.tracker = detector, tracker
+        self.detector, self.tracker, self.scorer = detector, tracker, scorer
         self.decoding = decoding or DecodingConfig()
+        default = self.decoding.min_score if scorer is None else scorer.min_score
+        self.min_score = default if min_score is None else min_score
         self.seed = seed
         fold_batch_norm(detector)
         fold_batch_norm(tracker)
@@ -49,21 +102,17 @@ class StreamingNetwork:
     def _detect_graph(self, xyz):
         inputs = detector_inputs(xyz, self.detector.config)
         outputs = self.detector(inputs, training=False)
-        probability = foreground_probability(outputs.boxes.mask_logits)
+        proposals, probability = frame_proposals(
+            self.detector, xyz, outputs, self.decoding.min_probability
+        )
         frame = self.tracker.fused_features(inputs, outputs)
-        kept = tf.gather(probability, frame.rows, batch_dims=1)
-        only = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
-        proposals = propose(xyz[0], only, self.detector.config.box, self.decoding.min_probability)
+        kept = tf.gather(probability, frame.rows[0])
         return proposals, probability, frame, kept, self.tracker.encode(frame)
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
-        """(n, >=3) points -> (1, N, 3) chosen by seed and t; repeats where n < N.
-
-        In random order, as in training: a ball query takes the first points it finds.
-        """
+        """(n, >=3) points -> (1, N, 3) chosen by seed and t, see `sample_scan`."""
         rng = np.random.default_rng([self.seed, t])
-        rows = sample_points(points, self.detector.config.num_points, rng)
-        return np.ascontiguousarray(points[rows, :3], np.float32)[None]
+        return sample_scan(points, self.detector.config.num_points, rng)
 
     def detect(self, points: np.ndarray, t: int = 0) -> FrameState:
         """The detector's pass over one scan.
@@ -88,12 +137,14 @@ class StreamingNetwork:
         xyz = self.sample(points, t)
         proposals, probability, frame, kept, encoded = self._detect(xyz)
         clusters = cluster(proposals, self.decoding)
+        probability = probability.numpy()
+        scores = box_scores(clusters, self.scorer, xyz[0], probability)
         return FrameState(
             frame.xyz.numpy()[0],
-            kept.numpy()[0],
+            kept.numpy(),
             frame.features.numpy()[0],
-            best_first(clusters, clusters.agreement, self.decoding.min_score),
-            probability.numpy()[0],
+            best_first(clusters, scores, self.min_score),
+            probability,
             xyz[0],
             encoded,
         )

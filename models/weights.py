@@ -10,6 +10,7 @@ import keras
 from common.config import from_dict
 from common.errors import InputError
 from models import checkpoint
+from models.box_score import BoxScorer, load_scorer
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import Detector
 from models.tracker import TrackingNetwork
@@ -61,7 +62,8 @@ def load_tracker(path: str | Path, detector: Detector) -> TrackingNetwork:
     return tracker
 
 
-def load_networks(folder: str | Path) -> tuple[Detector, TrackingNetwork]:
-    """detector.npz and tracker.npz of a folder such as weights/."""
+def load_networks(folder: str | Path) -> tuple[Detector, TrackingNetwork, BoxScorer | None]:
+    """detector.npz, tracker.npz and, where it is there, scorer.json of a folder like weights/."""
     detector = load_detector(Path(folder) / "detector.npz")
-    return detector, load_tracker(Path(folder) / "tracker.npz", detector)
+    tracker = load_tracker(Path(folder) / "tracker.npz", detector)
+    return detector, tracker, load_scorer(folder, network_hash(detector))

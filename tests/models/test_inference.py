@@ -7,6 +7,7 @@ import pytest
 import tensorflow as tf
 from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
 
+from models.box_score import BoxScorer
 from models.detector import Detector, detector_inputs
 from models.inference import StreamingNetwork
 from models.tracker import TrackingNetwork
@@ -58,3 +59,22 @@ def test_bad_points_are_refused(network):
         network.detect(np.zeros((5, 2)))
     with pytest.raises(ValueError, match="expected finite points"):
         network.detect(np.full((5, 3), np.nan))
+
+
+def test_boxes_are_scored_by_the_scorer_and_cut_at_its_threshold(network):
+    """A scorer of one feature; its threshold is the default and gives way to min_score."""
+    names = ("agreement",), (-3.0,), (1.0,), (2.0,)
+    scorer = BoxScorer("", 0.6, 0.0, *names)
+    networks = network.detector, network.tracker, scorer
+    scan = cloud(1, 300)[0]
+    everything = StreamingNetwork(*networks, min_score=0.0).detect(scan).detections
+    default = StreamingNetwork(*networks).detect(scan).detections
+    plain = StreamingNetwork(*networks[:2], min_score=0.0).detect(scan).detections
+    logit = 2 * (np.log(plain.scores / (1 - plain.scores)) + 3)
+    within = (plain.scores > 0.01) & (plain.scores < 0.99)
+    expected = np.sort(1 / (1 + np.exp(-logit[within])))[::-1]
+    np.testing.assert_allclose(everything.scores[: within.sum()], expected, rtol=1e-3)
+    assert within.any() and len(everything.scores) == len(plain.scores)
+    assert len(default.scores) == np.count_nonzero(everything.scores >= 0.6)
+    assert StreamingNetwork(*networks).min_score == 0.6
+    assert StreamingNetwork(*networks, min_score=0.2).min_score == 0.2

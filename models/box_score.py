@@ -1,0 +1,88 @@
+"""The score of a box: the probability that it is right at 3-D IoU 0.5 (a choice of ours).
+
+A logistic regression on the features of the cluster behind the box. `python -m training.calibrate`
+fits it on labelled scans; it belongs to one detector and is stored beside it as scorer.json.
+
+Letters: K boxes, F features.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.special import expit
+
+from common.config import from_dict, parse_json, to_dict
+from common.errors import InputError
+from common.files import read_bytes, write_json
+
+FILE_NAME = "scorer.json"
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class BoxScorer:
+    """A logistic regression on standardised features, and the threshold chosen for its scores.
+
+    Attributes:
+        detector_sha256: content hash of the detector whose boxes it scores.
+        min_score: the default least score of a box that is kept.
+        bias: logit of a box whose features are all at their means.
+        features: F names, see `models.cluster_features`.
+        mean, scale, weight: F values each; scale is positive, weight is of the scaled feature.
+        format: of the file.
+    """
+
+    detector_sha256: str
+    min_score: float
+    bias: float
+    features: tuple[str, ...]
+    mean: tuple[float, ...]
+    scale: tuple[float, ...]
+    weight: tuple[float, ...]
+    format: int = FORMAT
+
+    def scores(self, features: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Features by name, each (K,) -> (K,) float64 probabilities."""
+        values = np.stack([features[name] for name in self.features], -1)
+        scaled = (values - np.array(self.mean)) / np.array(self.scale)
+        return expit(scaled @ np.array(self.weight) + self.bias)
+
+
+def save_scorer(folder: str | Path, scorer: BoxScorer) -> Path:
+    """Writes scorer.json into a folder of weights; returns its path."""
+    path = Path(folder) / FILE_NAME
+    write_json(path, to_dict(scorer))
+    return path
+
+
+def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
+    """The scorer in a folder of weights; None, said on stderr, if there is none.
+
+    Raises:
+        InputError: broken, of another format, or fitted for another detector.
+    """
+    path = Path(folder) / FILE_NAME
+    if not path.exists():
+        print(f"{path}: not found, boxes are scored by agreement", file=sys.stderr)
+        return None
+    values = parse_json(read_bytes(path), path)
+    scorer: BoxScorer = from_dict(BoxScorer, values, path)
+    count = len(scorer.features)
+    if scorer.format != FORMAT:
+        raise InputError(f"expected scorer format {FORMAT}, found {scorer.format}", path)
+    if not count == len(scorer.mean) == len(scorer.scale) == len(scorer.weight):
+        raise InputError(f"expected {count} means, scales and weights", path)
+    numbers = (scorer.bias, *scorer.mean, *scorer.scale, *scorer.weight)
+    if not all(map(math.isfinite, numbers)) or min(scorer.scale, default=1.0) <= 0:
+        raise InputError("expected finite numbers and positive scales", path)
+    if not 0 <= scorer.min_score <= 1:
+        raise InputError(f"min_score: expected within [0, 1], found {scorer.min_score}", path)
+    if scorer.detector_sha256 != detector_sha256:
+        raise InputError("this scorer was fitted for another detector", path)
+    return scorer

@@ -1,0 +1,106 @@
+"""Vehicles that the detector misses although many points lie on them, one by one.
+
+    python -m studies.box_misses --data_root KITTI --seqs 0000 --out results/misses
+
+A vehicle is missed if no box of at least the threshold overlaps it by 3-D IoU 0.5. For each missed
+one with `--points` points or more: place and size, mean foreground probability of its points,
+proposals whose centre lies in it, and IoU and score of the cluster that overlaps it most, before
+any threshold. Shows whether mask, boxes, or score failed. Writes box_misses.md and box_misses.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.files import write_json, write_text
+from common.flags import ArgumentParser, finite_float, positive_int, run
+from common.provenance import provenance
+from kitti.boxes import points_in_boxes
+from kitti.sequence import open_sequences
+from kitti.splits import parse_sequences
+from models.box_decoding import DecodingConfig
+from models.box_score import load_scorer
+from models.weights import load_detector, network_hash
+from training.box_candidates import CandidateFinder, Candidates
+
+MIN_IOU = 0.5
+
+
+def misses(
+    frame: Candidates, scores: np.ndarray, min_score: float, min_points: int
+) -> list[dict[str, Any]]:
+    """The missed vehicles of a frame; scores (K,) are of its clusters."""
+    kept = frame.iou[:, scores >= min_score].max(axis=1, initial=0.0) >= MIN_IOU
+    rows = []
+    for row in np.flatnonzero(~kept & (frame.points >= min_points)):
+        box, iou = frame.truth[row], frame.iou[row]
+        best = int(iou.argmax()) if iou.max(initial=0.0) > 0 else None
+        inside = points_in_boxes(frame.clusters.proposals.boxes[:, :3], box[None]) == 0
+        rows.append(
+            {
+                "drive": frame.drive,
+                "frame": frame.t,
+                "range": float(np.hypot(box[0], box[1])),
+                "length": float(box[3]),
+                "points": int(frame.points[row]),
+                "mask": float(frame.foreground[row]),
+                "proposals": int(inside.sum()),
+                "IoU": 0.0 if best is None else float(iou[best]),
+                "score": None if best is None else float(scores[best]),
+            }
+        )
+    return rows
+
+
+def table(rows: list[dict[str, Any]], command: str) -> str:
+    """One line for each missed vehicle, as Markdown."""
+    names = ("drive", "frame", "range", "length", "points", "mask", "proposals", "IoU", "score")
+    lines = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+    for row in rows:
+        cells = {**row, "drive": Path(row["drive"]).name}
+        shown = (_cell(cells[name]) for name in names)
+        lines.append(f"| {' | '.join(shown)} |")
+    return "\n".join([*lines, "", f"`{command}`", ""])
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs the detector, lists what it missed, prints and writes the list."""
+    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    add = parser.add_argument
+    add("--data_root", required=True, metavar="DIR", help="labelled scans, KITTI's layout")
+    add("--seqs", default="0000", metavar="SEQS", help="such as 0000 or 0016-0020")
+    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
+    add("--points", type=positive_int, default=50, help="least points of a vehicle")
+    add("--every", type=positive_int, default=1, help="take every n-th frame")
+    add("--score_threshold", type=finite_float, help="least score (default: that of the weights)")
+    add("--out", type=Path, required=True, help="folder for the list")
+    flags = parser.parse_args(argv)
+    sequences = open_sequences(flags.data_root, parse_sequences(flags.seqs))
+    detector = load_detector(flags.weights / "detector.npz")
+    scorer = load_scorer(flags.weights, network_hash(detector))
+    decoding = DecodingConfig()
+    min_score = decoding.min_score if scorer is None else scorer.min_score
+    if flags.score_threshold is not None:
+        min_score = flags.score_threshold
+    (frames,) = CandidateFinder(detector, decoding).find_all(sequences, every=flags.every)
+    rows = [m for f in frames for m in misses(f, f.scores(scorer), min_score, flags.points)]
+    record = provenance(min_score=min_score)
+    text = table(rows, record["command"])
+    total = sum(int((frame.points >= flags.points).sum()) for frame in frames)
+    write_text(flags.out / "box_misses.md", text)
+    write_json(flags.out / "box_misses.json", {"run": record, "vehicles": total, "missed": rows})
+    print(text + f"\n{len(rows)} of {total} vehicles missed at score {min_score:.3f}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))

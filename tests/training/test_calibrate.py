@@ -1,0 +1,95 @@
+"""The calibration command and the list of misses, from end to end on small weights."""
+
+import functools
+import json
+
+import numpy as np
+import pytest
+from small_inputs import two_cars
+from small_weights import write_weights
+
+from common.errors import InputError
+from models.box_decoding import Clusters, Proposals
+from models.weights import load_networks
+from studies import box_misses
+from training import calibrate, score_fit
+from training.box_candidates import Candidates
+
+SMALL_GRID = (score_fit.Penalty(0.1, None), score_fit.Penalty(0.1, 1.0))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Small weights and three drives of two frames."""
+    folder = tmp_path_factory.mktemp("calibrate")
+    write_weights(folder / "weights")
+    for seq in (0, 1, 2):
+        two_cars().write_sequence(folder / "data", seq, frames=2)
+    return folder
+
+
+def run(folder, *words) -> None:
+    calibrate.main([str(w) for w in ("--weights", folder / "weights", *words)])
+
+
+def test_a_scorer_is_fitted_stored_and_used(folder, monkeypatch, capsys):
+    """Afterwards the same folder of weights gives networks with the scorer."""
+    choose = functools.partial(score_fit.choose_penalty, grid=SMALL_GRID)
+    monkeypatch.setattr(calibrate, "choose_penalty", choose)
+    out = folder / "out"
+    data = ("--real_root", folder / "data", "--exam_root", folder / "data", "--exam_seqs", "0001")
+    run(folder, *data, "--views", 2, "--out", out)
+    record = json.loads((out / "calibration.json").read_text())
+    assert (out / "reliability.png").read_bytes()[:4] == b"\x89PNG"
+    assert set(record["figures"]) == {"real", "exam"}
+    found = record["figures"]["real"]
+    assert found["frames"] == 6 and found["boxes"] >= found["right"]
+    assert sum(row[0] for row in found["reliability"]) == found["boxes"]
+    assert 0 <= found["IoU 0.5"]["after"]["all"] <= 1
+    scorer = load_networks(folder / "weights")[2]
+    assert scorer.min_score == record["run"]["chosen"]["min_score"]
+    assert f"default threshold {scorer.min_score:.3f}" in capsys.readouterr().out
+
+
+def test_the_list_of_misses(folder, capsys):
+    """With a threshold above 1 every vehicle is missed."""
+    words = ["--data_root", folder / "data", "--seqs", "0000,0002", "--points", "1"]
+    words += ["--weights", folder / "weights", "--score_threshold", "1.1", "--out", folder / "m"]
+    box_misses.main([str(word) for word in words])
+    record = json.loads((folder / "m" / "box_misses.json").read_text())
+    assert len(record["missed"]) == record["vehicles"] > 0
+    for row in record["missed"]:
+        assert 0 <= row["mask"] <= 1 and row["points"] >= 1 and row["proposals"] >= 0
+    assert f"{record['vehicles']} of {record['vehicles']} vehicles" in capsys.readouterr().out
+    assert len((folder / "m" / "box_misses.md").read_text().splitlines()) == 4 + record["vehicles"]
+
+
+def test_a_found_vehicle_is_no_miss():
+    """Boxes of score 0.8 and 0.3 on two vehicles of 60 points, and a third of 40 points."""
+    iou = np.array([[0.7, 0.0], [0.0, 0.6], [0.0, 0.1]])
+    truth = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (10.0, 20.0, 30.0)])
+    proposals = Proposals(truth[[0, 1, 1]], None, None)
+    clusters = Clusters(None, None, None, None, None, None, proposals)
+    points, ignorable = np.array([60, 60, 40]), np.zeros(2, bool)
+    frame = Candidates("a", 3, clusters, {}, iou, points, ignorable, truth, np.full(3, 0.5))
+    scores = np.array([0.8, 0.3])
+    (missed,) = box_misses.misses(frame, scores, 0.4, 50)
+    assert missed["range"] == 20 and missed["proposals"] == 2
+    assert (missed["IoU"], missed["score"]) == (0.6, 0.3)
+    assert box_misses.misses(frame, scores, 0.2, 50) == []
+    assert len(box_misses.misses(frame, scores, 0.4, 40)) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "expected --real_root or --simulated_root"),
+        (["--real_root", "{data}", "--exam_seqs", "0000"], "expected --exam_root"),
+        (["--real_root", "{data}/none"], "none"),
+    ],
+)
+def test_bad_flags(folder, words, message):
+    words = [word.format(data=folder / "data") for word in words]
+    with pytest.raises(InputError, match=message):
+        run(folder, *words, "--out", folder / "bad")
+    assert not (folder / "bad").exists()

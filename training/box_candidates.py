@@ -1,0 +1,138 @@
+"""Boxes of the detector on labelled scans, with their features and their IoU with the labels.
+
+Letters: V labelled vehicles, K boxes of a frame, F features.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import tensorflow as tf
+
+from common.progress import progress
+from kitti.boxes import points_in_boxes, project_boxes
+from kitti.image_boxes import covered
+from kitti.iou import iou_3d
+from kitti.labels import VEHICLES
+from kitti.sequence import Sequence
+from metrics.kitti_rules import RULES
+from models.box_decoding import Clusters, DecodingConfig, cluster
+from models.box_score import BoxScorer
+from models.cluster_features import cluster_features
+from models.detector import Detector, detector_inputs
+from models.inference import frame_proposals, sample_scan
+from tracking.assignment import greedy
+from training.augmentation import SceneTransform
+from training.frames import frame_list
+
+MIRRORED = SceneTransform(flip=True)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The boxes of a frame before any threshold, and the labels.
+
+    Attributes:
+        drive: data root and sequence, the unit of cross-validation.
+        t: frame.
+        clusters: K of them.
+        features: by name, each (K,) float64; empty where K = 0.
+        iou: (V, K) with the labelled vehicles.
+        points: (V,) points of the scan inside each vehicle.
+        ignorable: (K,) bool, most of the projected box lies in a DontCare region.
+        truth: (V, 7) level boxes of the vehicles.
+        foreground: (V,) mean foreground probability of the points inside, NaN without any.
+    """
+
+    drive: str
+    t: int
+    clusters: Clusters
+    features: dict[str, np.ndarray]
+    iou: np.ndarray
+    points: np.ndarray
+    ignorable: np.ndarray
+    truth: np.ndarray
+    foreground: np.ndarray
+
+    def scores(self, scorer: BoxScorer | None) -> np.ndarray:
+        """(K,) scores of the boxes; without a scorer their agreement."""
+        if scorer is None or not self.features:
+            return self.clusters.agreement.astype(np.float64)
+        return scorer.scores(self.features)
+
+    def right(self, min_iou: float) -> np.ndarray:
+        """(K,) bool: boxes matched with a vehicle one-to-one, largest IoU first."""
+        right = np.zeros(self.iou.shape[1], bool)
+        right[[column for _, column in greedy(-self.iou, -min_iou).pairs]] = True
+        return right
+
+
+class CandidateFinder:
+    """The detector and the decoding, compiled once.
+
+    Args:
+        detector: the network.
+        decoding: how points become boxes.
+    """
+
+    def __init__(self, detector: Detector, decoding: DecodingConfig):
+        self.detector, self.decoding = detector, decoding
+        points = tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)
+        self._propose = tf.function(self._graph, input_signature=[points], jit_compile=False)
+
+    def _graph(self, xyz):
+        outputs = self.detector(detector_inputs(xyz, self.detector.config), training=False)
+        return frame_proposals(self.detector, xyz, outputs, self.decoding.min_probability)
+
+    def find(self, sequence: Sequence, t: int, view: int = 0) -> Candidates:
+        """Candidates of a frame with a scan.
+
+        view: chooses the sampled points with t; odd ones are mirrored left to right.
+        """
+        points, objects = sequence.read_points_level(t)[:, :3], sequence.objects.at(t)
+        truth, regions = objects.of_classes(VEHICLES).boxes, objects.of_classes(("DontCare",)).bbox
+        if view % 2:
+            points, truth = MIRRORED.points(points), MIRRORED.boxes(truth)
+        rng = np.random.default_rng([view, t])
+        xyz = sample_scan(points, self.detector.config.num_points, rng)
+        proposals, likely = self._propose(xyz)
+        clusters, likely = cluster(proposals, self.decoding), likely.numpy()
+        boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
+        projected = np.nan_to_num(project_boxes(boxes, sequence.calib, sequence.image_size))
+        dontcare = covered(projected, regions) > RULES.max_dontcare
+        return Candidates(
+            drive=f"{sequence.data_root.resolve().name}/{sequence.name}",
+            t=t,
+            clusters=clusters,
+            features=cluster_features(clusters, xyz[0], likely) if len(boxes) else {},
+            iou=iou_3d(truth, clusters.boxes),
+            points=_counts(points, truth),
+            ignorable=dontcare.any(axis=1),
+            truth=truth,
+            foreground=_means(xyz[0], likely, truth),
+        )
+
+    def find_all(
+        self, sequences: list[Sequence], views: Iterable[int] = (0,), every: int = 1
+    ) -> list[list[Candidates]]:
+        """For each view, the candidates of every `every`-th frame with a scan."""
+        frames, views = frame_list(sequences)[::every], list(views)
+        jobs = [(view, i, t) for view in views for i, t in frames]
+        found: list[list[Candidates]] = [[] for _ in views]
+        for job, (view, i, t) in enumerate(progress(jobs, len(jobs), "detector", "frames")):
+            found[job // len(frames)].append(self.find(sequences[i], t, view))
+        return found
+
+
+def _counts(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    owner = points_in_boxes(points, boxes)
+    return np.bincount(owner[owner >= 0], minlength=len(boxes))
+
+
+def _means(points: np.ndarray, values: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    owner = points_in_boxes(points, boxes)
+    held = owner >= 0
+    with np.errstate(invalid="ignore"):
+        return np.bincount(owner[held], values[held], len(boxes)) / _counts(points, boxes)

@@ -1,0 +1,112 @@
+"""Fits the score of a box on labelled scans, and measures it on drives held out in turn.
+
+    python -m training.calibrate --real_root KITTI_A --simulated_root data/val --out results/score
+
+The score is the probability that a box is right at 3-D IoU 0.5, a logistic regression on the
+features of its cluster (models/box_score.py). Its penalty is chosen by cross-validation by drive,
+and the default threshold is where hits minus false alarms are most over real and simulated drives.
+Writes scorer.json into the folder of weights, and calibration.json and reliability.png into --out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as SequenceOf
+from pathlib import Path
+
+from common.errors import InputError
+from common.files import write_json
+from common.flags import ArgumentParser, positive_int, run
+from common.provenance import provenance
+from kitti.sequence import Sequence, open_sequences
+from kitti.splits import parse_sequences
+from metrics.scored_boxes import best_threshold
+from models.box_decoding import DecodingConfig
+from models.box_score import save_scorer
+from models.weights import load_detector, network_hash
+from training.box_candidates import CandidateFinder
+from training.data import labelled_sequences
+from training.score_fit import (
+    RIGHT_IOU,
+    Domain,
+    ScoreFit,
+    choose_penalty,
+    counted_vehicles,
+    scored,
+)
+from training.score_report import draw, report, table
+
+
+def make_parser() -> ArgumentParser:
+    """The command line."""
+    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    add = parser.add_argument
+    add("--weights", type=Path, default=Path("weights"), help="folder with detector.npz")
+    for kind in ("real", "simulated"):
+        add(
+            f"--{kind}_root",
+            action="append",
+            default=[],
+            metavar="DIR",
+            help=f"{kind} labelled drives, all of which are used; may be given several times",
+        )
+    add("--exam_root", metavar="DIR", help="drives that are measured and never fitted on")
+    add("--exam_seqs", metavar="SEQS", help="of --exam_root, such as 0000 (default: all)")
+    add("--every", type=positive_int, default=1, help="take every n-th frame")
+    add("--views", type=positive_int, default=4, help="samplings of a scan; odd ones mirrored")
+    add("--folds", type=positive_int, default=5, help="of the cross-validation by drive")
+    add("--out", type=Path, required=True, help="folder for the report")
+    return parser
+
+
+def _open(roots: SequenceOf[str], seqs: str | None = None) -> list[Sequence]:
+    return [
+        sequence
+        for root in roots
+        for sequence in open_sequences(
+            root, labelled_sequences(root) if seqs is None else parse_sequences(seqs)
+        )
+    ]
+
+
+def main(argv: SequenceOf[str] | None = None) -> None:
+    """Runs the detector, chooses the penalty, fits, measures, writes."""
+    flags = make_parser().parse_args(argv)
+    roots = {"real": flags.real_root, "simulated": flags.simulated_root}
+    roots = {kind: found for kind, found in roots.items() if found}
+    if not roots:
+        raise InputError("expected --real_root or --simulated_root")
+    if flags.exam_seqs and not flags.exam_root:
+        raise InputError("--exam_seqs: expected --exam_root with it")
+    opened = {kind: _open(found) for kind, found in roots.items()}
+    exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []
+    detector = load_detector(flags.weights / "detector.npz")
+    finder = CandidateFinder(detector, DecodingConfig())
+    domains = []
+    for sequences in opened.values():
+        plain, *others = finder.find_all(sequences, range(flags.views), flags.every)
+        domains.append(Domain(plain, [frame for view in others for frame in view]))
+    penalty, losses = choose_penalty(domains, flags.folds)
+    fit = ScoreFit(domains, penalty)
+    found = fit.cross_validated(flags.folds)
+    pairs = list(zip(domains, found, strict=True))
+    groups = [(scored(d.frames, s, RIGHT_IOU), counted_vehicles(d.frames)) for d, s in pairs]
+    min_score = best_threshold([(boxes, max(total, 1)) for boxes, total in groups])
+    scorer = fit.scorer(network_hash(detector), min_score)
+    parts = {k: report(d.frames, s, min_score) for k, (d, s) in zip(roots, pairs, strict=True)}
+    if exam:
+        (frames,) = finder.find_all(exam, every=flags.every)
+        scores = [frame.scores(scorer) for frame in frames]
+        parts["exam"] = report(frames, scores, min_score)
+    draw(parts, flags.out / "reliability.png")
+    chosen = {"penalty": penalty._asdict(), "log_loss": losses, "min_score": min_score}
+    data = {k: sorted({f.drive for f in d.frames}) for k, d in zip(roots, domains, strict=True)}
+    write_json(
+        flags.out / "calibration.json",
+        {"run": provenance(data=data, chosen=chosen), "figures": parts},
+    )
+    path = save_scorer(flags.weights, scorer)
+    print(table(parts) + f"\ndefault threshold {min_score:.3f}, written to {path} and {flags.out}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main))
