@@ -11,7 +11,7 @@ import tensorflow as tf
 from tf_ops.devices import on_cpu
 from tf_ops.loading import load_library
 
-tf.no_gradient("PointTrackNet>BoxIou")
+tf.no_gradient("PointTrackNet>BoxIou3d")
 
 
 @on_cpu
@@ -28,4 +28,4 @@ def box_iou_3d(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
     Raises:
         InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
     """
-    return load_library().point_track_net_box_iou(boxes1=boxes1, boxes2=boxes2, bev=False)
+    return load_library().point_track_net_box_iou3d(boxes1=boxes1, boxes2=boxes2)

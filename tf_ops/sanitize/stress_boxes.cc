@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "boxes/scenes.h"
+#include "boxes/box_iou_3d.h"
 #include "sanitize/stress.h"
 
 namespace stress {
@@ -24,9 +24,9 @@ std::vector<ptn::RotatedBox> crowded(std::mt19937* random) {
   return ptn::read_boxes(values.data(), kScenes * kBoxes);
 }
 
-void overlaps(const std::vector<ptn::RotatedBox>& all, ptn::PairIou pair) {
+void overlaps(const std::vector<ptn::RotatedBox>& all) {
   std::vector<float> iou(kScenes * kBoxes * kBoxes);
-  ptn::all_ious(pair, all.data(), all.data(), kScenes, kBoxes, kBoxes, iou.data(), real_threads(3));
+  ptn::all_ious(all.data(), all.data(), kScenes, kBoxes, kBoxes, iou.data(), real_threads(3));
   for (int64_t i = 0; i < kScenes * kBoxes; ++i) {
     const float* row = iou.data() + i * kBoxes;
     for (int64_t j = 0; j < kBoxes; ++j) {
@@ -41,8 +41,7 @@ void overlaps(const std::vector<ptn::RotatedBox>& all, ptn::PairIou pair) {
 void boxes(uint32_t seed) {
   std::mt19937 random(seed);
   const auto all = crowded(&random);
-  overlaps(all, ptn::iou_3d);
-  overlaps(all, ptn::iou_bev);
+  overlaps(all);
 }
 
 }  // namespace stress

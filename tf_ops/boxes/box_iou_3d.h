@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/parallel.h"
+
 namespace ptn {
 
 constexpr int kBoxSize = 7;
@@ -25,8 +27,7 @@ struct RotatedBox {
         sine(std::sin(static_cast<double>(b[6]))),
         reach(0.5 * std::hypot(length, width)) {}
 
-  double area() const { return length * width; }
-  double volume() const { return area() * height; }
+  double volume() const { return length * width * height; }
 };
 
 inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
@@ -99,15 +100,24 @@ inline double over_union(double shared, double first, double second) {
   return whole > 0 ? std::min(1.0, shared / whole) : 0;
 }
 
-inline double iou_bev(const RotatedBox& p, const RotatedBox& q) {
-  return over_union(shared_area(p, q), p.area(), q.area());
-}
-
 inline double iou_3d(const RotatedBox& p, const RotatedBox& q) {
   const double top = std::min(p.z + 0.5 * p.height, q.z + 0.5 * q.height);
   const double bottom = std::max(p.z - 0.5 * p.height, q.z - 0.5 * q.height);
   if (top <= bottom) return 0;
   return over_union(shared_area(p, q) * (top - bottom), p.volume(), q.volume());
+}
+
+// iou (batch, rows, columns) of boxes (batch, rows) with others (batch, columns).
+inline void all_ious(const RotatedBox* boxes, const RotatedBox* others, int64_t batch, int64_t rows,
+                     int64_t columns, float* iou, const Parallel& parallel) {
+  parallel.run(batch * rows, 20 * columns, [=](int64_t begin, int64_t end) {
+    for (int64_t row = begin; row < end; ++row) {
+      const RotatedBox* scene = others + row / rows * columns;
+      for (int64_t i = 0; i < columns; ++i) {
+        iou[row * columns + i] = static_cast<float>(iou_3d(boxes[row], scene[i]));
+      }
+    }
+  });
 }
 
 }  // namespace ptn

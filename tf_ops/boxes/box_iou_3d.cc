@@ -1,5 +1,6 @@
-#include "boxes/box_util.h"
-#include "boxes/scenes.h"
+#include "boxes/box_iou_3d.h"
+
+#include "core/op_util.h"
 
 namespace ptn {
 namespace {
@@ -7,8 +8,7 @@ namespace {
 using tf::shape_inference::InferenceContext;
 using tf::shape_inference::ShapeHandle;
 
-REGISTER_OP("PointTrackNet>BoxIou")
-    .Attr("bev: bool")
+REGISTER_OP("PointTrackNet>BoxIou3d")
     .Input("boxes1: float32")
     .Input("boxes2: float32")
     .Output("iou: float32")
@@ -25,26 +25,48 @@ REGISTER_OP("PointTrackNet>BoxIou")
       return absl::OkStatus();
     })
     .Doc(R"doc(
-Intersection over union of upright boxes (x, y, z, l, w, h, yaw), every one with every other.
+Intersection over union of upright boxes (x, y, z, l, w, h, yaw), for every pair.
 
-bev: areas seen from above instead of volumes.
 boxes1: (M, 7) or (B, M, 7), finite, sizes not negative.
 boxes2: (K, 7) or (B, K, 7), likewise.
 iou: (M, K) or (B, M, K); 0 where both boxes are empty.
 )doc");
 
-class BoxIouOp : public tf::OpKernel {
- public:
-  explicit BoxIouOp(tf::OpKernelConstruction* context) : OpKernel(context) {
-    OP_REQUIRES_OK(context, context->GetAttr("bev", &bev_));
+// Rank 2 is one scene, rank 3 a batch of scenes.
+int64_t batch_of(const tf::Tensor& t) { return t.dims() == 3 ? t.dim_size(0) : 1; }
+int64_t rows_of(const tf::Tensor& t) { return t.dim_size(t.dims() - 2); }
+
+// (M, 7) or (B, M, 7), finite, sizes not negative.
+absl::Status check_boxes(const tf::Tensor& boxes, const char* name) {
+  const int rank = boxes.dims();
+  if (rank < 2 || rank > 3 || boxes.dim_size(rank - 1) != kBoxSize) {
+    return invalid(name, " must have shape (M, 7) or (B, M, 7), received ",
+                   boxes.shape().DebugString());
   }
+  TF_RETURN_IF_ERROR(check_finite(boxes, name));
+  const float* values = boxes.flat<float>().data();
+  for (int64_t i = 0; i < boxes.NumElements(); i += kBoxSize) {
+    for (int64_t size = i + 3; size < i + 6; ++size) {
+      if (values[size] < 0) {
+        return invalid(name, ": box ", i / kBoxSize, " has the negative size ", values[size]);
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+class BoxIou3dOp : public tf::OpKernel {
+ public:
+  using OpKernel::OpKernel;
 
   void Compute(tf::OpKernelContext* context) override {
     const tf::Tensor& boxes1 = context->input(0);
     const tf::Tensor& boxes2 = context->input(1);
     OP_REQUIRES_OK(context, check_boxes(boxes1, "boxes1"));
     OP_REQUIRES_OK(context, check_boxes(boxes2, "boxes2"));
-    OP_REQUIRES_OK(context, check_same_batch(boxes1, boxes2, "boxes1 and boxes2"));
+    OP_REQUIRES(context, boxes1.dims() == boxes2.dims() && batch_of(boxes1) == batch_of(boxes2),
+                invalid("boxes1 and boxes2 must have the same rank and batch size, received ",
+                        boxes1.shape().DebugString(), " and ", boxes2.shape().DebugString()));
     const int64_t rows = rows_of(boxes1), columns = rows_of(boxes2);
     tf::TensorShape shape = boxes1.shape();
     shape.set_dim(shape.dims() - 1, columns);
@@ -54,15 +76,12 @@ class BoxIouOp : public tf::OpKernel {
     const int64_t batch = batch_of(boxes1);
     const auto first = read_boxes(boxes1.flat<float>().data(), batch * rows);
     const auto second = read_boxes(boxes2.flat<float>().data(), batch * columns);
-    all_ious(bev_ ? iou_bev : iou_3d, first.data(), second.data(), batch, rows, columns,
-             iou->flat<float>().data(), threads_of(context));
+    all_ious(first.data(), second.data(), batch, rows, columns, iou->flat<float>().data(),
+             threads_of(context));
   }
-
- private:
-  bool bev_;
 };
 
-REGISTER_KERNEL_BUILDER(Name("PointTrackNet>BoxIou").Device(tf::DEVICE_CPU), BoxIouOp);
+REGISTER_KERNEL_BUILDER(Name("PointTrackNet>BoxIou3d").Device(tf::DEVICE_CPU), BoxIou3dOp);
 
 }  // namespace
 }  // namespace ptn
