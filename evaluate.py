@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     record = evaluate(config)
     figures = {name: record[name] for name in config.protocols}
     if figures:
-        print(overall_table(figures) + threshold_line(record["run"]["score_threshold"]), end="")
+        print(overall_table(figures) + threshold_line(record["run"]), end="")
     print(f"written to {config.out}")
     if config.subset == "testing":
         missing = len(TEST) - len(config.seqs)

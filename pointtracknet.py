@@ -65,18 +65,26 @@ class Tracker:
         weights: str | Path | None = None,
         calib: Calibration | None = None,
         image_size: tuple[int, int] | None = None,
+        score_threshold: float | None = None,
         **parameters: float,
     ) -> Tracker:
-        """With the networks of a folder that holds detector.npz and tracker.npz.
+        """With the networks of a folder that holds detector.npz, tracker.npz and scorer.json.
 
         Args:
             weights: the folder; None for that of `default_weights`.
+            score_threshold: least score of a box; None for that of the weights.
 
         Raises:
             InputError: weights are missing, broken or do not belong together.
         """
         folder = default_weights() if weights is None else weights
-        return cls(StreamingNetwork(*load_networks(folder)), calib, image_size, **parameters)
+        network = StreamingNetwork(*load_networks(folder), min_score=score_threshold)
+        return cls(network, calib, image_size, **parameters)
+
+    @property
+    def score_threshold(self) -> float:
+        """Least score of a box."""
+        return self._stream.network.min_score
 
     def points_level(self, scan: np.ndarray) -> np.ndarray:
         """(n, >=3) scan, Velodyne frame, metres -> (m, 3) float32 level frame, camera crop."""

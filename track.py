@@ -118,6 +118,11 @@ def make_parser() -> flags.ArgumentParser:
     add("--calib", type=Path, help="calibration in KITTI's layout (default: KITTI's mounting)")
     add("--image_size", help="of the camera, such as 1242x375 (default: from the calibration)")
     add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
+    add(
+        "--score_threshold",
+        type=flags.finite_float,
+        help="least score of a box (default: that of the weights)",
+    )
     add("--scan_columns", help="of a scan, such as x,y,z,i,ring or y,-x,z (default: x,y,z,i)")
     add("--scan_dtype", help="of the numbers in .bin, such as float64 (default: float32)")
     add("--scan_scale", type=flags.finite_float, default=1.0, help="metres per unit of a scan")
@@ -144,9 +149,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(args.out)
     from pointtracknet import Tracker  # TensorFlow only where the input is in order
 
-    tracker = Tracker.load(args.weights, calib, size)
+    tracker = Tracker.load(args.weights, calib, size, args.score_threshold)
     print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")
     print(f"{seen / max(total, 1):.0%} of the points lie in it")
+    print(f"boxes with a score of at least {tracker.score_threshold:.3g}")
     name = args.scans.resolve().name or DEFAULT_NAME
     with Progress(len(scans.frames), "tracking", "frames") as bar:
         results = track_scans(tracker, scans, bar.update)

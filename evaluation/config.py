@@ -16,8 +16,9 @@ from kitti.object_shift import ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.splits import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
-from metrics.protocols import BEST, PROTOCOLS
-from tracking import TRACKERS
+from metrics.protocols import BEST, CLEAR3D, PROTOCOLS
+from models.box_score import default_min_score
+from tracking import PREDICTED_MOTION, TRACKERS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
@@ -83,10 +84,11 @@ class EvaluateConfig:
         ("protocol",),
         least_items=0,
     )
-    iou: float = option(0.5, "least 3-D IoU of a match in clear3d and kitti3d", finite_float)
+    iou: float = option(0.5, "least 3-D IoU of a match in clear3d... and kitti3d", finite_float)
     score_threshold: float | str | None = option(
         None,
-        "least mean score of a track, or best (by MOTA of the first --protocol)",
+        "least score of a box (default: network boxes that of the weights, others none); of "
+        "--results, least mean score of a track; best: of a track, by MOTA of the first --protocol",
         parse_threshold,
     )
     out: Path | None = option(None, "folder for the output (default: results/evaluate)")
@@ -103,7 +105,7 @@ class EvaluateConfig:
         _among("--tracker", [self.tracker], TRACKERS)
         _among("--protocol", self.protocols, PROTOCOLS)
         for name in self.protocols:
-            if name != "clear3d":
+            if name not in CLEAR3D:
                 rules_for(name, self.classes)
         if self.score_threshold == BEST and not self.protocols:
             raise InputError("--score_threshold best is that of a --protocol, found none")
@@ -144,18 +146,34 @@ class EvaluateConfig:
             raise InputError("--subset testing has no labels: objects cannot be shifted")
 
     def _check_object_shift(self):
-        in_image = [name for name in self.protocols if name != "clear3d"]
+        in_image = [name for name in self.protocols if name not in CLEAR3D]
         if self.object_shift and in_image:
             raise InputError(
                 f"--object_shift moves objects away from their image: {','.join(in_image)} "
-                "cannot be evaluated, only clear3d"
+                f"cannot be evaluated, only {','.join(CLEAR3D)}"
             )
+
+    @property
+    def min_box_score(self) -> float | None:
+        """Least score of a box that is tracked; None for all."""
+        if self.results is not None:
+            return None
+        if isinstance(self.score_threshold, float | int):
+            return float(self.score_threshold)
+        return default_min_score(self.weights) if self.detections == NETWORK else None
+
+    @property
+    def min_track_score(self) -> float | str | None:
+        """Least mean score of a track that is evaluated: a number, "best", or None for all."""
+        if self.score_threshold == BEST or self.results is not None:
+            return self.score_threshold
+        return None
 
     @property
     def needs_network(self) -> bool:
         """Whether the networks run: for their boxes or for their displacement."""
         return self.results is None and (
-            self.detections == NETWORK or self.tracker == "pointtracknet"
+            self.detections == NETWORK or self.tracker in PREDICTED_MOTION
         )
 
 

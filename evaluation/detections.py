@@ -112,7 +112,7 @@ class NetworkDetections:
 
     @classmethod
     def load(cls, weights: str | Path, boxes: DetectionProvider | None = None) -> NetworkDetections:
-        """Loads the networks of a folder of weights.
+        """Loads the networks of a folder of weights; boxes of every score are found.
 
         Raises:
             InputError: weights are missing, broken or do not belong together.
@@ -120,7 +120,7 @@ class NetworkDetections:
         from models.inference import StreamingNetwork
         from models.weights import load_networks
 
-        return cls(StreamingNetwork(*load_networks(weights)), boxes)
+        return cls(StreamingNetwork(*load_networks(weights), min_score=0.0), boxes)
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
@@ -132,6 +132,18 @@ class NetworkDetections:
             if given is not None:
                 found = with_motion(next(given), found)
             yield replace(found, appearance=pooled_appearance(stream.state, found.boxes))
+
+
+class BoxesAtLeast:
+    """The boxes of another provider that have at least a score."""
+
+    def __init__(self, provider: DetectionProvider, min_score: float):
+        self.provider, self.min_score = provider, min_score
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        for found in self.provider.frames(scene):
+            yield found.at_least(self.min_score)
 
 
 class LabelBoxesWithPredictedMotion:

@@ -27,6 +27,7 @@ from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.detections import DetectionProvider, NetworkDetections
 from evaluation.scene import Scene
+from models.box_score import FILE_NAME as SCORER
 from tracking.frame_detections import FrameDetections
 
 FORMAT = 3
@@ -52,7 +53,7 @@ class CachedPredictions:
 
     Args:
         folder: of the files.
-        weights: folder with detector.npz and tracker.npz.
+        weights: folder with detector.npz, tracker.npz and perhaps scorer.json.
         boxes: provider of the boxes in place of the detector, if given.
         boxes_name: description of `boxes`, part of the file's name.
     """
@@ -80,6 +81,8 @@ class CachedPredictions:
         for path in paths:
             if not path.is_file():
                 raise InputError("expected a checkpoint file", path)
+        scorer = self.weights / SCORER
+        paths += [scorer] * scorer.is_file()
         return b"".join(_digest_of_file(path) for path in paths) + code_digest()
 
     def path(self, scene: Scene) -> Path:

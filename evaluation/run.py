@@ -16,6 +16,7 @@ from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import (
+    BoxesAtLeast,
     DetectionFiles,
     DetectionProvider,
     LabelBoxes,
@@ -54,12 +55,13 @@ def evaluate(
     if config.out is not None:
         check_writable(config.out)
     scenes = config.open_scenes(shift)
-    results, threshold = _results(config, scenes, provider)
+    results, least = _results(config, scenes, provider)
     figures = score(config, scenes, results)
+    thresholds = {"min_box_score": config.min_box_score, "min_track_score": least}
     run = provenance(config=to_dict(config), data=_data(config, scenes))
-    record = {"run": {**run, "score_threshold": threshold}, **figures}
+    record = {"run": {**run, **thresholds}, **figures}
     if config.out is not None:
-        write_text(config.out / "table.md", full_table(figures, run["command"], threshold))
+        write_text(config.out / "table.md", full_table(figures, run["command"], thresholds))
         write_json(config.out / "metrics.json", record)
         write_json(config.out / "config.json", record["run"])
         if config.subset == "testing":
@@ -103,6 +105,8 @@ def run_tracker(
         scene.check(poses=config.tracker == "ab3dmot")
     if provider is None:
         provider = make_provider(config, scenes)
+    if config.min_box_score is not None:
+        provider = BoxesAtLeast(provider, config.min_box_score)
     with Progress(sum(len(scene.frames) for scene in scenes), config.tracker, "frames") as bar:
         return {
             scene.name: track_scene(
@@ -115,9 +119,9 @@ def run_tracker(
 def _results(
     config: EvaluateConfig, scenes: list[Scene], provider: DetectionProvider | None
 ) -> tuple[dict[str, Objects], float | None]:
-    """The evaluated rows, as a result file has them after rounding, and the score threshold.
+    """The evaluated rows, as a result file has them after rounding, and the tracks' least score.
 
-    Tracks below the threshold are left out, in the files of `config.out` too.
+    Tracks below it are left out, in the files of `config.out` too.
     """
     if config.results is not None:
         check_folder(config.results)
@@ -133,7 +137,7 @@ def _results(
 def _above_threshold(
     config: EvaluateConfig, scenes: list[Scene], results: dict[str, Objects]
 ) -> tuple[dict[str, Objects], float | None]:
-    threshold = config.score_threshold
+    threshold = config.min_track_score
     if threshold == BEST:
         entries = _entries(scenes, results)
         threshold = best_threshold(config.protocols[0], entries, config.classes, config.iou)

@@ -15,9 +15,9 @@ from evaluation.detections import DetectionProvider
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from tracking import FrameDetections
+from tracking import PREDICTED_MOTION, FrameDetections
 
-SIDE_BY_SIDE = ("pointtracknet", "sort", "deep_sort", "ab3dmot")
+SIDE_BY_SIDE = ("pointtracknet", "pointtracknet_probation", "sort", "deep_sort", "ab3dmot")
 
 
 class TimedDetections:
@@ -58,7 +58,7 @@ def evaluate_cached(
     config = replace(config, detections=NETWORK, tracker=tracker, out=out)
     record = evaluate(config, provider=timed)
     network = network_seconds(cached, config.open_scenes())
-    if tracker != "pointtracknet":
+    if tracker not in PREDICTED_MOTION:
         network["displacement"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}
     return {**record, "seconds_per_frame": {**seconds, "total": sum(seconds.values())}}

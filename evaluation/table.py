@@ -28,14 +28,18 @@ def overall_table(figures: Mapping[str, Any]) -> str:
     return text
 
 
-def threshold_line(threshold: float | None) -> str:
-    """A sentence on the score threshold of the tracks; empty without one."""
-    return "" if threshold is None else f"Tracks with a mean score of at least {threshold!r}.\n"
+def threshold_line(thresholds: Mapping[str, float | None]) -> str:
+    """A sentence on the least score of boxes and of tracks; empty without any."""
+    boxes, tracks = thresholds["min_box_score"], thresholds["min_track_score"]
+    text = "" if boxes is None else f"Boxes with a score of at least {boxes!r}.\n"
+    return text + ("" if tracks is None else f"Tracks with a mean of at least {tracks!r}.\n")
 
 
-def full_table(figures: Mapping[str, Any], command: str, threshold: float | None) -> str:
+def full_table(
+    figures: Mapping[str, Any], command: str, thresholds: Mapping[str, float | None]
+) -> str:
     """`table.md`: over all sequences, then one table per protocol with a row per sequence."""
-    head = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(threshold)}"
+    head = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(thresholds)}"
     text = f"{head}\n{overall_table(figures)}"
     for name, part in figures.items():
         columns = list(part["overall"] if name == "hota" else CLEAR_COLUMNS)

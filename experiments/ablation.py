@@ -23,16 +23,16 @@ from common.config import to_dict
 from common.config_flags import add_flags
 from common.errors import InputError
 from common.files import write_bytes, write_json
-from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_threshold
+from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
 from evaluation.table import markdown
-from experiments.demo import DemoConfig
 from experiments.evaluate_networks import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
 from experiments.runs import write
 from kitti.splits import parse_sequences
+from models.config import DecodingConfig
 from training.command_line import configured, defaults, train
 from training.config import TrackerTrainingConfig
 from training.data import add_data_flags, open_data
@@ -84,8 +84,7 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
     add("--out", type=Path, required=True, help=f"folder of {table.name}.md and {table.name}.json")
     add("--smoke", action="store_true", help="a few steps a row, to see that it runs")
     add("--deterministic", action="store_true", help="the same bits in every run")
-    threshold = {"type": parse_threshold, "default": DemoConfig.score_threshold}
-    add("--score_threshold", help="least mean score of a track, or best", **threshold)
+    add("--score_threshold", type=flags.finite_float, help="least score of a box")
     add_flags(parser, TrackerTrainingConfig())
     args = parser.parse_args(argv)
     if len(args.val_data_root or []) > 1 or len(args.val_seqs or []) > 1:
@@ -201,8 +200,10 @@ def text_of(table: Ablation, args: argparse.Namespace, figures: dict[str, list])
     columns += [f"error, {distance:g} m" for distance in DISTANCES]
     schedule = configured(args, TrackerTrainingConfig()).schedule
     samples = schedule.frames_per_epoch or "all"
+    given = args.score_threshold
+    least = DecodingConfig().min_score if given is None else given
     return (
-        f"Network boxes at 0 m, `clear3d`, IoU 0.5, tracks of mean score {args.score_threshold} "
+        f"Network boxes at 0 m, `clear3d`, IoU 0.5, boxes of score {least:g} "
         f"or more. Each row one training: {schedule.epochs} epochs of {samples} pairs, seed "
         f"{schedule.seed}. The paper's rows are of KITTI's validation sequences.\n\n"
         + markdown(["", *ABLATION_COLUMNS], lines)

@@ -90,8 +90,7 @@ def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dic
     """All metrics at one object shift and seed; the trackers' results go into `out`."""
     scenes, distance = config.open_scenes(), config.object_shift
     cached.fill_all(scenes, f"networks, D = {distance:g} m, seed {config.seed}")
-    threshold = float(config.score_threshold or 0.0)
-    counts = [box_counts(scene, cached, threshold) for scene in scenes]
+    counts = [box_counts(scene, cached, config.min_box_score) for scene in scenes]
     total = {key: sum(c[key] for c in counts) for key in counts[0]}
     metrics: dict[str, Any] = {}
     for i in MIN_IOUS:
@@ -136,8 +135,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = make_parser(__doc__, "0000")
     add = parser.add_argument
     add("--weights", type=Path, default=Path("weights"), metavar="DIR", help="of the networks")
-    threshold = "least score of a box (recall, precision), least mean of a track"
-    add("--score_threshold", type=finite_float, default=0.0, help=threshold)
+    add("--score_threshold", type=finite_float, help="least score of a box")
     add("--seeds", type=positive_int, default=1, help="of the object shift")
     args = parser.parse_args(argv)
     cached = CachedPredictions(args.out / "network_cache", args.weights)

@@ -33,6 +33,7 @@ EXAMS = {"simulated": "validation", "real": "real"}
 DISTANCES = ("0.0", "2.0")  # metres, as the exams' files name them
 TRACKERS = {
     "pointtracknet": "PointTrackNet",
+    "pointtracknet_probation": "PointTrackNet, probation of 3",
     "sort": "SORT",
     "deep_sort": "DEEP_SORT",
     "ab3dmot": "AB3DMOT",

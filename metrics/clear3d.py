@@ -1,11 +1,12 @@
 """Plain CLEAR MOT on 3-D boxes (Bernardin and Stiefelhagen, 2008), counted by motmetrics.
 
-No ignore rules: every ground-truth box is evaluated, every unmatched result is a false alarm.
+No ignore rules: every ground-truth box is evaluated, every unmatched result is a false alarm,
+unless the caller names results that are none (`clear3d_dontcare`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,13 +26,19 @@ COUNTED = (
 )
 
 
-def clear3d(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> Outcome:
+def clear3d(
+    comparison: Comparison,
+    keep: np.ndarray,
+    min_iou: float = 0.5,
+    ignorable: np.ndarray | None = None,
+) -> Outcome:
     """Counts of one sequence.
 
     Args:
         comparison: with 3-D IoU as similarity, both sides limited to the evaluated classes.
         keep: (S,) bool, the results to evaluate.
         min_iou: a pair below it is never matched.
+        ignorable: (S,) bool, results that are no false alarms where they are unmatched.
 
     The sum for MOTP is over IoU; motmetrics sums the distances 1 - IoU.
     """
@@ -43,7 +50,10 @@ def clear3d(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> O
     summary = motmetrics.metrics.create().compute(
         accumulator, metrics=list(COUNTED), return_dataframe=False
     )
-    return Outcome(_counts(summary, matches), _matched_scores(comparison, matches))
+    counts = _counts(summary, matches)
+    if ignorable is not None:
+        counts = replace(counts, fp=int((_false_alarms(comparison, events) & ~ignorable).sum()))
+    return Outcome(counts, _matched_scores(comparison, matches))
 
 
 @dataclass(frozen=True)
@@ -70,9 +80,14 @@ def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -
     truth, results = comparison.truth, comparison.results
     return RowErrors(
         missed=_rows_of(events, "MISS", "OId", truth.frame, truth.track_id),
-        false_alarm=keep & _rows_of(events, "FP", "HId", results.frame, results.track_id),
+        false_alarm=keep & _false_alarms(comparison, events),
         switched=keep & _rows_of(events, "SWITCH", "HId", results.frame, results.track_id),
     )
+
+
+def _false_alarms(comparison: Comparison, events) -> np.ndarray:
+    results = comparison.results
+    return _rows_of(events, "FP", "HId", results.frame, results.track_id)
 
 
 def _rows_of(events, kind: str, column: str, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:

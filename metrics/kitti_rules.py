@@ -87,6 +87,14 @@ def ignorable_results(
     """
     height = results.bbox[:, 3] - results.bbox[:, 1]
     ignorable = (height <= rules.min_height) | np.isin(results.type, rules.neighbours)
+    return ignorable | in_dontcare(results, dontcare, num_frames, rules)
+
+
+def in_dontcare(
+    results: Objects, dontcare: Objects, num_frames: int, rules: KittiRules = RULES
+) -> np.ndarray:
+    """(S,) bool: most of the 2-D box lies in one DontCare region; as `ignorable_results`."""
+    inside = np.zeros(len(results), bool)
     frames = zip(
         rows_by_frame(results.frame, num_frames),
         rows_by_frame(dontcare.frame, num_frames),
@@ -94,5 +102,5 @@ def ignorable_results(
     )
     for rows, regions in frames:
         share = covered(results.bbox[rows], dontcare.bbox[regions])
-        ignorable[rows] |= (share > rules.max_dontcare + EPS).any(axis=1)
-    return ignorable
+        inside[rows] = (share > rules.max_dontcare + EPS).any(axis=1)
+    return inside

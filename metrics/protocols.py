@@ -21,11 +21,14 @@ from metrics.kitti_rules import (
     evaluated_classes,
     ignorable_results,
     ignored_truth,
+    in_dontcare,
     rules_for,
 )
 from metrics.recall_sweep import sweep
 
-PROTOCOLS = ("clear3d", "kitti2d", "kitti3d", "hota")
+PROTOCOLS = ("clear3d", "clear3d_dontcare", "kitti2d", "kitti3d", "hota")
+CLEAR3D = ("clear3d", "clear3d_dontcare")
+"""They take all of `classes` and no other rule of KITTI's."""
 BEST = "best"
 
 
@@ -40,9 +43,19 @@ class Entry:
 
 
 class Clear3d:
-    """`clear3d` over sequences; both sides are limited to `classes`."""
+    """`clear3d` over sequences; both sides are limited to `classes`.
 
-    def __init__(self, entries: Sequence[Entry], classes: Sequence[str], min_iou: float):
+    With `dontcare`, an unmatched result is no false alarm if most of its image box lies in one of
+    the frame's DontCare regions, as in KITTI's protocols.
+    """
+
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        classes: Sequence[str],
+        min_iou: float,
+        dontcare: bool = False,
+    ):
         self.min_iou = min_iou
         self.comparisons = [
             compare(
@@ -54,10 +67,19 @@ class Clear3d:
             )
             for entry in entries
         ]
+        self.ignorable = [
+            in_dontcare(c.results, entry.truth.of_classes(("DontCare",)), c.num_frames)
+            if dontcare
+            else None
+            for c, entry in zip(self.comparisons, entries, strict=True)
+        ]
 
     def outcomes(self, threshold: float | None, _earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
-        return [clear3d(c, c.above(threshold), self.min_iou) for c in self.comparisons]
+        return [
+            clear3d(c, c.above(threshold), self.min_iou, ignorable)
+            for c, ignorable in zip(self.comparisons, self.ignorable, strict=True)
+        ]
 
 
 class KittiProtocol:
@@ -149,16 +171,18 @@ def evaluate_protocol(
         threshold: smallest mean score of a track; "best" for the one with the best overall MOTA
             among the recall points; None keeps all.
     """
-    if name == "clear3d":
-        return metrics_of(Clear3d(entries, classes, min_iou), entries, threshold)
+    if name in CLEAR3D:
+        protocol = Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
+        return metrics_of(protocol, entries, threshold)
     if name not in PROTOCOLS:
         raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
     rules = rules_for(name, classes)
     if name == "kitti2d":
         return metrics_of(Kitti2d(entries, rules=rules), entries, threshold)
     if name == "kitti3d":
-        protocol = Kitti3d(entries, min_iou, rules=rules)
-        return metrics_of(protocol, entries, threshold, over_recall=True)
+        return metrics_of(
+            Kitti3d(entries, min_iou, rules=rules), entries, threshold, over_recall=True
+        )
     return _hota_metrics(entries, threshold, rules)
 
 
@@ -170,8 +194,8 @@ def best_threshold(
     Raises:
         InputError: as `evaluate_protocol`.
     """
-    if name == "clear3d":
-        protocol = Clear3d(entries, classes, min_iou)
+    if name in CLEAR3D:
+        protocol = Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
     elif name == "kitti3d":
         protocol = Kitti3d(entries, min_iou, rules=rules_for(name, classes))
     else:

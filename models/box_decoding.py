@@ -5,35 +5,15 @@ Letters: P proposals (boxes of single points), K clusters of proposals, NC class
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from models.box_coding import decode_boxes
-from models.config import BoxCodingConfig, note
+from models.config import BoxCodingConfig, DecodingConfig
 from models.probability_filter import foreground_probability
 from tf_ops import box_iou_3d
-
-
-@dataclass(frozen=True)
-class DecodingConfig:
-    """How boxes are made from points.
-
-    Chosen on simulated scans of sequence 0011, which is held out of training:
-    docs/tables/decoding_parameters.md (studies/decoding_parameters.py).
-    """
-
-    min_probability: float = note(0.4, "foreground probability of a point that proposes a box")
-    cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
-    proposals_per_cell: int = note(40, "the most probable ones of each cell stay")
-    max_proposals: int = note(600, "of a frame")
-    nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
-    vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
-    doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
-    min_score: float = note(0.3, "of a box that is kept")
-    max_boxes: int = note(64, "M")
 
 
 class Detections(NamedTuple):

@@ -20,6 +20,7 @@ from scipy.special import expit
 from common.config import from_dict, parse_json, to_dict
 from common.errors import InputError
 from common.files import read_bytes, write_json
+from models.config import DecodingConfig
 
 FILE_NAME = "scorer.json"
 FORMAT = 1
@@ -61,6 +62,14 @@ def save_scorer(folder: str | Path, scorer: BoxScorer) -> Path:
     return path
 
 
+def default_min_score(folder: str | Path) -> float:
+    """Least score of a box of these weights: that of scorer.json, without one the decoding's."""
+    path = Path(folder) / FILE_NAME
+    if not path.exists():
+        return DecodingConfig().min_score
+    return _read(path).min_score
+
+
 def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
     """The scorer in a folder of weights; None, said on stderr, if there is none.
 
@@ -71,6 +80,14 @@ def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
     if not path.exists():
         print(f"{path}: not found, boxes are scored by agreement", file=sys.stderr)
         return None
+    scorer = _read(path)
+    if scorer.detector_sha256 != detector_sha256:
+        raise InputError("this scorer was fitted for another detector", path)
+    return scorer
+
+
+def _read(path: Path) -> BoxScorer:
+    """Reads and checks the file; raises InputError."""
     values = parse_json(read_bytes(path), path)
     scorer: BoxScorer = from_dict(BoxScorer, values, path)
     count = len(scorer.features)
@@ -83,6 +100,4 @@ def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
         raise InputError("expected finite numbers and positive scales", path)
     if not 0 <= scorer.min_score <= 1:
         raise InputError(f"min_score: expected within [0, 1], found {scorer.min_score}", path)
-    if scorer.detector_sha256 != detector_sha256:
-        raise InputError("this scorer was fitted for another detector", path)
     return scorer

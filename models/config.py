@@ -152,3 +152,22 @@ class TrackingLossWeights:
 
     alpha: float = note(1.0, "weight of foreground points, equation (5)")
     beta: float = note(1.0, "weight of background points, equation (5)")
+
+
+@dataclass(frozen=True)
+class DecodingConfig:
+    """How boxes are made from points.
+
+    Chosen on simulated scans of sequence 0011, which is held out of training:
+    docs/tables/decoding_parameters.md (studies/decoding_parameters.py).
+    """
+
+    min_probability: float = note(0.4, "foreground probability of a point that proposes a box")
+    cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
+    proposals_per_cell: int = note(40, "the most probable ones of each cell stay")
+    max_proposals: int = note(600, "of a frame")
+    nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
+    vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
+    doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
+    min_score: float = note(0.3, "of a box that is kept, where the weights say nothing else")
+    max_boxes: int = note(64, "M")

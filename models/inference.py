@@ -10,7 +10,6 @@ import tensorflow as tf
 from kitti.scans import sample_points
 from models.box_decoding import (
     Clusters,
-    DecodingConfig,
     Detections,
     Proposals,
     best_first,
@@ -19,6 +18,7 @@ from models.box_decoding import (
 )
 from models.box_score import BoxScorer
 from models.cluster_features import cluster_features
+from models.config import DecodingConfig
 from models.detector import Detector, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability

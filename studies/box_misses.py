@@ -22,8 +22,8 @@ from common.provenance import provenance
 from kitti.boxes import points_in_boxes
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
-from models.box_decoding import DecodingConfig
 from models.box_score import load_scorer
+from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
 from training.box_candidates import CandidateFinder, Candidates
 

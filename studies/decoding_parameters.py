@@ -27,7 +27,8 @@ from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.object_shift import ObjectShift
 from kitti.scans import sample_points
-from models.box_decoding import DecodingConfig, decode_detections
+from models.box_decoding import decode_detections
+from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs
 from models.probability_filter import foreground_probability
 from models.weights import load_detector

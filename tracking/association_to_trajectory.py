@@ -106,8 +106,10 @@ class AssociationToTrajectory:
         return boxes
 
     def _is_shown(self, track: Track) -> bool:
-        present = track.detection >= 0 or self.parameters.report_lost
-        return present and track.hits >= self.parameters.min_hits
+        """A track that was seen in this frame and is settled; in the first frames, any."""
+        p = self.parameters
+        settled = track.hits >= p.min_hits or self.life.frame_count <= p.min_hits
+        return settled and (track.detection >= 0 or p.report_lost)
 
 
 class AssociationByLabels(AssociationToTrajectory):

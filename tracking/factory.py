@@ -19,6 +19,7 @@ from tracking.sort import Sort, SortParameters
 
 TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "pointtracknet": (AssociationToTrajectory, AssociationParameters()),
+    "pointtracknet_probation": (AssociationToTrajectory, AssociationParameters(min_hits=3)),
     "gt_displacement": (AssociationByLabels, AssociationParameters()),
     "sort": (Sort, SortParameters()),
     "sort_image": (Sort, SortParameters(space="image")),
@@ -26,6 +27,8 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "ab3dmot": (Ab3dmot, Ab3dmotParameters()),
 }
 """Name -> class and its default parameters."""
+PREDICTED_MOTION = ("pointtracknet", "pointtracknet_probation")
+"""The trackers that need the networks' displacement."""
 
 
 def make_tracker(name: str, **parameters: Any) -> MultiObjectTracker:

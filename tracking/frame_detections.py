@@ -5,7 +5,7 @@ Letters: M detected boxes, n points, C channels of an appearance vector.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,13 @@ class FrameDetections:
 
     def __len__(self) -> int:
         return len(self.boxes)
+
+    def at_least(self, min_score: float) -> FrameDetections:
+        """The boxes with at least this score, with the same motion."""
+        rows = self.scores >= min_score
+        columns = {"boxes": self.boxes, "scores": self.scores, "types": self.types}
+        columns |= {"appearance": self.appearance, "label_ids": self.label_ids}
+        return replace(self, **{k: None if v is None else v[rows] for k, v in columns.items()})
 
     def _check_motion(self) -> None:
         points = checked_rows("points", self.points, None)

@@ -20,8 +20,8 @@ from common.provenance import provenance
 from kitti.sequence import Sequence, open_sequences
 from kitti.splits import parse_sequences
 from metrics.scored_boxes import best_threshold
-from models.box_decoding import DecodingConfig
 from models.box_score import save_scorer
+from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
 from training.box_candidates import CandidateFinder
 from training.data import labelled_sequences
@@ -47,8 +47,9 @@ def make_parser() -> ArgumentParser:
             action="append",
             default=[],
             metavar="DIR",
-            help=f"{kind} labelled drives, all of which are used; may be given several times",
+            help=f"{kind} labelled drives, none of them trained on; may be given several times",
         )
+        add(f"--{kind}_seqs", metavar="SEQS", help=f"of every --{kind}_root (default: all)")
     add("--exam_root", metavar="DIR", help="drives that are measured and never fitted on")
     add("--exam_seqs", metavar="SEQS", help="of --exam_root, such as 0000 (default: all)")
     add("--every", type=positive_int, default=1, help="take every n-th frame")
@@ -77,7 +78,8 @@ def main(argv: SequenceOf[str] | None = None) -> None:
         raise InputError("expected --real_root or --simulated_root")
     if flags.exam_seqs and not flags.exam_root:
         raise InputError("--exam_seqs: expected --exam_root with it")
-    opened = {kind: _open(found) for kind, found in roots.items()}
+    seqs = {"real": flags.real_seqs, "simulated": flags.simulated_seqs}
+    opened = {kind: _open(found, seqs[kind]) for kind, found in roots.items()}
     exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []
     detector = load_detector(flags.weights / "detector.npz")
     finder = CandidateFinder(detector, DecodingConfig())

@@ -67,7 +67,8 @@ def stages_of(recipe: dict[str, Any], values: dict[str, str]) -> list[Stage]:
     for root in usable(recipe["validation"]):
         data += ["--val_data_root", fill(root["root"])]
         data += ["--val_seqs", fill(root.get("seqs", "all"))]
-    values = {**values, "data": shlex.join(data)}
+    calibration = " ".join(fill(part["flags"]) for part in usable(recipe["calibration"]))
+    values = {**values, "data": shlex.join(data), "calibration": calibration}
     return [
         Stage(
             stage["name"],

@@ -98,7 +98,7 @@ def test_classes_limit_both_sides(tiny_root, tmp_path):
     assert (figures["TP"], figures["FP"], figures["GT"]) == (24, 0, 24)
 
 
-def test_score_threshold_drops_whole_tracks_from_files_and_figures(tiny_root, tmp_path):
+def test_score_threshold_of_boxes_from_files(tiny_root, tmp_path):
     argv = ("--detections", tiny_root / "detections", "--tracker", "sort", "--classes", "Car")
     kept = run(tiny_root, tmp_path, *argv, "--score_threshold", "5")["clear3d"]["overall"]
     dropped = run(tiny_root, tmp_path, *argv, "--score_threshold", "5.1")["clear3d"]["overall"]

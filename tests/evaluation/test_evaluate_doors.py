@@ -81,7 +81,7 @@ def test_best_threshold_is_recorded_and_its_files_give_the_same_figures(root, tm
     argv = ("--classes", "Car", "--protocol", protocol)
     with_best = ("--detections", folder, "--tracker", "sort", "--score_threshold", "best")
     best = run(root, tmp_path / "a", *with_best, *argv)
-    threshold = best["run"]["score_threshold"]
+    threshold = best["run"]["min_track_score"]
     assert 0.1 < threshold < 0.95
     assert repr(threshold) in (tmp_path / "a" / "table.md").read_text()
     scores = read_results(tmp_path / "a" / "tracks" / "0000.txt").score

@@ -1,5 +1,7 @@
 """`clear3d` against motmetrics on IoU computed box by box with shapely."""
 
+from dataclasses import replace
+
 import motmetrics
 import numpy as np
 import pytest
@@ -45,6 +47,38 @@ def test_equals_motmetrics(seed, min_iou):
     assert figures["ML"] == expected["mostly_lost"] / tracks
     assert figures["MOTA"] == pytest.approx(expected["mota"], abs=1e-12)
     assert figures["MOTP"] == pytest.approx(1 - expected["motp"], abs=1e-9)
+
+
+def test_dontcare_regions_excuse_unmatched_results_alone():
+    """Of four unmatched results one is mostly in the region; a match in it counts as ever."""
+    solid = [[20, y, 0, 4, 2, 1.5, 0] for y in (-8, -4, 0, 4, 8)]
+    image = [
+        [300, 100, 350, 200],  # 51 % in the region
+        [400, 100, 450, 200],  # half in the other, not more
+        [500, 100, 560, 110],  # flat, which KITTI's own protocols would excuse
+        [600, 100, 650, 200],  # outside
+        [310, 100, 360, 200],  # matched
+    ]
+    nowhere = np.full((2, 7), np.nan)
+    regions = rows("DontCare", [0, 0], -1, nowhere, [[324.5, 0, 390, 300], [425, 0, 480, 300]])
+    car = rows("Car", [0], 4, [solid[4]], [image[4]])
+    results = rows("Car", [0] * 5, [1, 2, 3, 4, 5], solid, image, score=1.0)
+    entry = Entry("0000", 1, Objects.concatenate([regions, car]), results)
+    plain = evaluate_protocol("clear3d", [entry])["overall"]
+    excused = evaluate_protocol("clear3d_dontcare", [entry])["overall"]
+    assert (plain["FP"], excused["FP"]) == (4, 3)
+    assert excused["TP"] == plain["TP"] == 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_dontcare_regions_both_are_the_same(seed):
+    entry = random_entry(seed, objects=8)
+    plain = evaluate_protocol("clear3d", [entry])["overall"]
+    excused = evaluate_protocol("clear3d_dontcare", [entry])["overall"]
+    assert excused["FP"] <= plain["FP"]
+    assert {**excused, "FP": 0, "MOTA": 0} == {**plain, "FP": 0, "MOTA": 0}
+    bare = replace(entry, truth=entry.truth[entry.truth.type != "DontCare"])
+    assert evaluate_protocol("clear3d_dontcare", [bare])["overall"] == plain
 
 
 def test_the_cases_hold_every_kind_of_event():

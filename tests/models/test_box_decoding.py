@@ -9,7 +9,6 @@ from test_box_coding import predictions_of
 
 from models.box_coding import encode_boxes
 from models.box_decoding import (
-    DecodingConfig,
     Proposals,
     _rank_in_group,
     _thin,
@@ -17,7 +16,7 @@ from models.box_decoding import (
     cluster,
     decode_detections,
 )
-from models.config import BoxCodingConfig
+from models.config import BoxCodingConfig, DecodingConfig
 from tf_ops import box_iou_3d
 
 CONFIG = BoxCodingConfig()

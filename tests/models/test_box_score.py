@@ -10,9 +10,10 @@ import pytest
 from scipy.special import expit
 
 from common.errors import InputError
-from models.box_decoding import DecodingConfig, Proposals, cluster
+from models.box_decoding import Proposals, cluster
 from models.box_score import FILE_NAME, BoxScorer, load_scorer, save_scorer
 from models.cluster_features import FC1, cluster_features
+from models.config import DecodingConfig
 
 CARS = np.float32(
     [[10, 0, 0, 4, 2, 1.6, 0], [30, 5, 0, 4, 2, 1.6, 0.5], [30, 7.4, 0, 4, 2, 1.6, 0.5]]

@@ -7,7 +7,8 @@ import pytest
 from small_inputs import two_cars
 from small_weights import write_weights
 
-from models.box_decoding import DecodingConfig, Detections
+from models.box_decoding import Detections
+from models.config import DecodingConfig
 from studies import decoding_parameters as module
 
 CAR = np.array([10.0, 0, 0, 4, 2, 1.5, 0])

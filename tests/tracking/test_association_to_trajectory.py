@@ -116,10 +116,19 @@ def test_report_lost_shows_the_moved_box_without_a_detection():
 
 def test_probation_and_start_score():
     tracker = make_tracker("pointtracknet", min_hits=2, min_start_score=0.5)
+    assert len(step(tracker, cars())) == len(step(tracker, cars())) == 0
     assert len(step(tracker, cars(0.0, 20.0), scores=[0.9, 0.4])) == 0
     tracks = step(tracker, cars(0.0, 20.0), scores=[0.3, 0.4])
     assert tracks.ids.tolist() == [0]  # a weak detection may go on, but not start
     assert tracks.scores.tolist() == [0.3]
+
+
+def test_the_probation_of_the_baselines():
+    """In the first three frames every track is shown, later one from its third detection on."""
+    tracker = make_tracker("pointtracknet_probation")
+    shown = [step(tracker, cars(0.0)).ids.tolist() for _ in range(3)]
+    shown += [step(tracker, cars(0.0, 20.0)).ids.tolist() for _ in range(3)]
+    assert shown == [[0], [0], [0], [0], [0], [0, 1]]
 
 
 def test_unknown_box_displacement_falls_back_to_the_last_one():

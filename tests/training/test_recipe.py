@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import InputError
-from training import recipe
+from training import calibrate, recipe
 from training.command_line import configured, parser
 from training.config import DetectorTrainingConfig, TrackerTrainingConfig
 from training.recipe import RECIPE, Stage, make_weights, stages_of
@@ -53,6 +53,17 @@ def test_trainings_parse_and_have_the_budget(values):
     assert flags.data_root == roots
     text = " ".join(shlex.join(stage.command) for stage in stages)
     assert ("--from_labels KITTI" in text) == (values is ALL)
+
+
+@pytest.mark.parametrize("values", [ALL, {"work": "w"}], ids=["all data", "simulation alone"])
+def test_scores_are_calibrated_on_validation_drives(values):
+    stages = stages_of(RECIPE_VALUES, values)
+    (words,) = [s.command[2:] for s in stages if s.command[1] == "training.calibrate"]
+    flags = calibrate.make_parser().parse_args(list(words))
+    assert flags.simulated_root == ["w/data/validation"]
+    assert (flags.real_root, flags.real_seqs) == (
+        (["REAL"], ALL["scan_val_seqs"]) if values is ALL else ([], None)
+    )
 
 
 def touch(path: Path, code: int = 0) -> tuple[str, ...]:
