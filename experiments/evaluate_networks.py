@@ -33,6 +33,7 @@ from kitti.ground import fit_ground
 from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.targets import association_displacement, foreground_labels
+from metrics.protocols import CLEAR3D
 from tracking.assignment import greedy
 
 MIN_IOUS = (0.25, 0.5)
@@ -101,11 +102,17 @@ def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dic
         metrics[f"precision@{i}"] = _ratio(total[f"hits@{i}"], total["found"])
     errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
     metrics["end-point error (m)"] = float(errors.mean()) if len(errors) else None
+    protocols = CLEAR3D if distance else (*CLEAR3D, "kitti3d")  # shifts leave KITTI's image
+    records = {}
     for min_iou in MIN_IOUS:
         for tracker in SIDE_BY_SIDE:
-            chosen = replace(config, iou=min_iou)
-            record = evaluate_cached(chosen, cached, tracker, out / f"{tracker}-{min_iou}")
-            metrics[f"MOTA@{min_iou}, {tracker}"] = record["clear3d"]["overall"]["MOTA"]
+            chosen = replace(config, iou=min_iou, protocols=protocols)
+            folder = out / f"{tracker}-{min_iou}"
+            records[min_iou, tracker] = evaluate_cached(chosen, cached, tracker, folder)
+    for protocol in protocols:
+        title = "" if protocol == "clear3d" else f"{protocol} "
+        for (min_iou, tracker), record in records.items():
+            metrics[f"{title}MOTA@{min_iou}, {tracker}"] = record[protocol]["overall"]["MOTA"]
     chosen = replace(config, detections="gt", score_threshold=None, out=out / "gt")
     record = evaluate(chosen, provider=LabelBoxesWithPredictedMotion(cached))
     metrics["MOTA@0.5, pointtracknet on true boxes"] = record["clear3d"]["overall"]["MOTA"]
@@ -120,7 +127,7 @@ def table(columns: dict[float, list[dict[str, Any]]]) -> str:
     """A column for each distance of the object shift, over the metrics of its seeds."""
     names = next(iter(columns.values()))[0]
     rows = [
-        [name, *(shown([run[name] for run in runs], 3) for runs in columns.values())]
+        [name, *(shown([run.get(name) for run in runs], 3) for runs in columns.values())]
         for name in names
     ]
     text = markdown(["", *(f"D = {d} m" for d in columns)], rows)

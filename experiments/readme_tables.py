@@ -38,6 +38,7 @@ TRACKERS = {
     "deep_sort": "DEEP_SORT",
     "ab3dmot": "AB3DMOT",
 }
+BASELINES = ("sort", "deep_sort", "ab3dmot")
 
 
 def documents() -> list[Path]:
@@ -108,8 +109,11 @@ def _behind(exams: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[
     columns = [exam[distance] for exam in exams for distance in DISTANCES]
     parts = []
     for head, figures in zip(heads, columns, strict=False):
-        ours, *others = (mean(f[f"MOTA@0.5, {tracker}"] for f in figures) for tracker in TRACKERS)
-        names = zip(list(TRACKERS.values())[1:], others, strict=True)
+        ours, *others = (
+            mean(f[f"MOTA@0.5, {tracker}"] for f in figures)
+            for tracker in ("pointtracknet", *BASELINES)
+        )
+        names = zip(map(TRACKERS.__getitem__, BASELINES), others, strict=True)
         if ahead := [name for name, value in names if value > ours]:
             parts.append(f"{', '.join(ahead)} ({head})")
     if not parts:

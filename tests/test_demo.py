@@ -9,6 +9,7 @@ from small_weights import write_weights
 import demo
 from common import flags
 from evaluation.config import EvaluateConfig
+from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments import demo as experiment
 from visualization.gallery import pictures
 
@@ -44,7 +45,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     metrics = json.loads((out / "metrics.json").read_text())
     assert list(metrics["figures"]) == ["0", "2"]
     for trackers in metrics["figures"].values():
-        assert list(trackers) == ["pointtracknet", "sort", "deep_sort", "ab3dmot"]
+        assert tuple(trackers) == SIDE_BY_SIDE
         gt = {record["clear3d"]["overall"]["GT"] for record in trackers.values()}
         assert len(gt) == 1
         assert all(r["seconds_per_frame"]["total"] > 0 for r in trackers.values())
