@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 PY     := $(VENV)/bin/python
 STAMP  := $(VENV)/requirements.stamp
+CUDA   := $(VENV)/cuda.stamp
 PYTEST_FLAGS ?= -n 2 --dist worksteal
 CLANG_FORMAT := $(VENV)/bin/clang-format
 CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
@@ -12,13 +13,18 @@ CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
 
 all: venv ops
 
-venv: $(STAMP)
+venv: $(STAMP) $(if $(GPU),$(CUDA))
 
 $(STAMP): requirements.txt requirements-lock.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; (3, 10) <= v <= (3, 13) or \
 	    sys.exit("make: Python 3.10 to 3.13 is needed, $(PYTHON) is %d.%d; try make PYTHON=python3.12" % v)'
 	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	@touch $@
+
+# GPU=1: the CUDA libraries of TensorFlow's own choice (docs/TRAINING.md)
+$(CUDA): $(STAMP)
+	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.txt 'tensorflow[and-cuda]'
 	@touch $@
 
 ops: $(STAMP)

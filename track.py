@@ -148,7 +148,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     seen, total = check_view(scans.probes(), calib, size)
     check_writable(args.out)
     from pointtracknet import Tracker  # TensorFlow only where the input is in order
+    from tf_ops.devices import describe_device
 
+    print(describe_device())
     tracker = Tracker.load(args.weights, calib, size, args.score_threshold)
     print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")
     print(f"{seen / max(total, 1):.0%} of the points lie in it")

@@ -14,7 +14,6 @@ import numpy as np
 
 from common.errors import InputError
 from evaluation.scene import Scene
-from kitti.boxes import points_in_boxes
 from kitti.labels import VEHICLES, Objects
 from tracking.frame_detections import FrameDetections
 
@@ -131,7 +130,8 @@ class NetworkDetections:
             found = stream.detect(np.zeros((0, 3)) if points is None else points, t)
             if given is not None:
                 found = with_motion(next(given), found)
-            yield replace(found, appearance=pooled_appearance(stream.state, found.boxes))
+            appearance = self.network.appearance(stream.state, found.boxes)
+            yield replace(found, appearance=appearance)
 
 
 class BoxesAtLeast:
@@ -167,20 +167,6 @@ def with_motion(boxes: FrameDetections, motion: FrameDetections) -> FrameDetecti
         displacement=motion.displacement,
         foreground=motion.foreground,
     )
-
-
-def pooled_appearance(state: FrameState, boxes: np.ndarray) -> np.ndarray:
-    """The mean feature of the kept points in each box, L2-normalised; 0 where there are none.
-
-    state: of the frame; boxes: (M, 7) level frame -> (M, C) float32.
-    """
-    features = np.zeros((len(boxes), state.features.shape[1]), np.float32)
-    owner = points_in_boxes(state.points, boxes) if len(boxes) else np.zeros(0, int)
-    for i in range(len(boxes)):
-        inside = owner == i
-        if inside.any():
-            features[i] = state.features[inside].mean(0)
-    return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-9)
 
 
 def by_frame(objects: Objects, frames: range) -> Iterator[FrameDetections]:

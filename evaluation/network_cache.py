@@ -30,7 +30,7 @@ from evaluation.scene import Scene
 from models.box_score import FILE_NAME as SCORER
 from tracking.frame_detections import FrameDetections
 
-FORMAT = 3
+FORMAT = 4
 PACKAGES = ("numpy", "tensorflow", "keras")
 BOXES = ("boxes", "scores", "types", "appearance")
 MOTION = ("points", "displacement", "foreground")
@@ -125,7 +125,7 @@ class CachedPredictions:
             yield FrameDetections(t, **{name: arrays[name][rows] for name in BOXES}, **motion)
 
     def seconds(self, scene: Scene) -> np.ndarray:
-        """(F, 2) float64: time of the detector's and of the tracker's pass in each frame."""
+        """(F, 3) float64: of each frame, detector, tracker network, pooling of the appearance."""
         return self._arrays(scene)["seconds"]
 
     def _arrays(self, scene: Scene) -> dict[str, np.ndarray]:
@@ -136,7 +136,7 @@ class CachedPredictions:
 class Stopwatch:
     """A `StreamingNetwork` whose calls are timed; a `detect` begins a frame.
 
-    `seconds` holds a pair for each frame: of `detect`, of the `displacement` to that frame.
+    `seconds` holds for each frame those of `detect`, `displacement` and `appearance`.
     """
 
     def __init__(self, network):
@@ -153,7 +153,7 @@ class Stopwatch:
         """See `StreamingNetwork.detect`."""
         start = perf_counter()
         state = self.network.detect(points, t)
-        self.seconds.append([perf_counter() - start, 0.0])
+        self.seconds.append([perf_counter() - start, 0.0, 0.0])
         return state
 
     def displacement(self, previous, current) -> np.ndarray:
@@ -161,6 +161,13 @@ class Stopwatch:
         start = perf_counter()
         result = self.network.displacement(previous, current)
         self.seconds[-1][1] = perf_counter() - start
+        return result
+
+    def appearance(self, state, boxes) -> np.ndarray:
+        """See `StreamingNetwork.appearance`."""
+        start = perf_counter()
+        result = self.network.appearance(state, boxes)
+        self.seconds[-1][2] = perf_counter() - start
         return result
 
 
@@ -181,7 +188,7 @@ def _write(path: Path, frames: list[FrameDetections], seconds: list[list[float]]
             points=np.concatenate(points).astype(np.float32),
             foreground=np.concatenate(foreground).astype(np.float32),
             displacement=np.concatenate(displacement).astype(np.float32),
-            seconds=np.array(seconds).reshape(-1, 2),
+            seconds=np.array(seconds).reshape(-1, 3),
         )
 
 

@@ -18,6 +18,7 @@ from evaluation.scene import Scene
 from tracking import PREDICTED_MOTION, FrameDetections
 
 SIDE_BY_SIDE = ("pointtracknet", "pointtracknet_probation", "sort", "deep_sort", "ab3dmot")
+NETWORK_PARTS = ("detect", "displacement", "appearance")
 
 
 class TimedDetections:
@@ -41,9 +42,9 @@ class TimedDetections:
 
 
 def network_seconds(cached: CachedPredictions, scenes: list[Scene]) -> dict[str, float]:
-    """Mean time per frame of the detector's pass and of the tracker's."""
-    detect, displace = np.concatenate([cached.seconds(scene) for scene in scenes]).mean(axis=0)
-    return {"detect": float(detect), "displacement": float(displace)}
+    """Mean time per frame of detector, tracker network and pooling of the appearance."""
+    seconds = np.concatenate([cached.seconds(scene) for scene in scenes]).mean(axis=0)
+    return dict(zip(NETWORK_PARTS, map(float, seconds), strict=True))
 
 
 def evaluate_cached(
@@ -51,8 +52,8 @@ def evaluate_cached(
 ) -> dict[str, Any]:
     """One tracker on cached detections: what `evaluate` returns and writes to `out`, and its times.
 
-    `seconds_per_frame` holds the network's passes that this tracker needs (the baselines need no
-    displacement), the tracker's own time, and their sum `total`.
+    `seconds_per_frame` holds the network's parts that this tracker needs (the displacement is
+    PointTrackNet's, the appearance DEEP_SORT's), the tracker's own time, and their sum `total`.
     """
     timed = TimedDetections(cached)
     config = replace(config, detections=NETWORK, tracker=tracker, out=out)
@@ -60,5 +61,7 @@ def evaluate_cached(
     network = network_seconds(cached, config.open_scenes())
     if tracker not in PREDICTED_MOTION:
         network["displacement"] = 0.0
+    if tracker != "deep_sort":
+        network["appearance"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}
     return {**record, "seconds_per_frame": {**seconds, "total": sum(seconds.values())}}

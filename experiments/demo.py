@@ -141,10 +141,13 @@ class Demo:
 
     def fill_cache(self) -> None:
         """One pass of the networks over every scene."""
+        from tf_ops.devices import describe_device
+
         kept = [self.cached.path(scene) for scenes in self.scenes.values() for scene in scenes]
         for path in self.cached.folder.glob("*.npz"):
             if path not in kept:  # of other weights, data or code
                 path.unlink()
+        print(describe_device())
         for distance, scenes in self.scenes.items():
             self.cached.fill_all(scenes, f"networks, D = {distance:g} m")
 
@@ -291,8 +294,8 @@ class Demo:
             f"Protocol clear3d, 3-D IoU at least {self.config.iou:g}; boxes of score "
             f"{self.evaluation(0.0).min_box_score} or more; every tracker gets the same "
             "boxes from the detector. D: objects shifted at random by up to D metres in each "
-            "frame. s/frame: networks (without the displacement for the baselines) and tracker, "
-            "on this machine; the paper's on a GTX 1080 Ti.",
+            "frame. s/frame: networks (the displacement for PointTrackNet alone, pooled features for "
+            "DEEP_SORT alone) and tracker, on this machine; the paper's on a GTX 1080 Ti.",
         ]
 
 

@@ -152,7 +152,7 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
         found[name] = Timed(seconds_of(call, arguments, repeats), *costs[name])
     whole = median_seconds(lambda: network.detect(scans[1], 1), repeats)
     moved = median_seconds(lambda: network.displacement(*states), repeats)
-    found["detector and encode as one graph, with decoding"] = Timed(whole)
+    found["detector as one graph, with decoding"] = Timed(whole)
     found["association and refinement as one graph"] = Timed(moved)
     return found
 

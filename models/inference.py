@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import tensorflow as tf
 
+from kitti.boxes import points_in_boxes
 from kitti.scans import sample_points
 from models.box_decoding import (
     Clusters,
@@ -25,7 +28,8 @@ from models.probability_filter import foreground_probability
 from models.tracker import EncodedFrame, TrackingNetwork
 
 
-class FrameState(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FrameState:
     """Outputs of the networks for one frame, which the next frame is associated with."""
 
     points: np.ndarray  # (N', 3) float32 level frame: the kept points
@@ -34,7 +38,12 @@ class FrameState(NamedTuple):
     detections: Detections
     probability: np.ndarray  # (N,) foreground probability of the sampled points
     sampled: np.ndarray  # (N, 3) float32 level frame: the points the network saw
-    encoded: EncodedFrame | None
+    encode: Callable[[], EncodedFrame] | None = None  # None for a frame without points
+
+    @cached_property
+    def encoded(self) -> EncodedFrame | None:
+        """The frame after the tracker's SA1 and SA2, at the first use; it serves two pairs."""
+        return None if self.encode is None else self.encode()
 
 
 def frame_proposals(
@@ -97,6 +106,7 @@ class StreamingNetwork:
         fold_batch_norm(tracker)
         points = tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)
         self._detect = tf.function(self._detect_graph, input_signature=[points], jit_compile=False)
+        self._encode = tf.function(tracker.encode, jit_compile=False)
         self._associate = tf.function(tracker.displacement, jit_compile=False)
 
     def _detect_graph(self, xyz):
@@ -107,7 +117,7 @@ class StreamingNetwork:
         )
         frame = self.tracker.fused_features(inputs, outputs)
         kept = tf.gather(probability, frame.rows[0])
-        return proposals, probability, frame, kept, self.tracker.encode(frame)
+        return proposals, probability, frame, kept
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
         """(n, >=3) points -> (1, N, 3) chosen by seed and t, see `sample_scan`."""
@@ -122,7 +132,8 @@ class StreamingNetwork:
             t: frame number; with the seed it fixes which points are sampled.
 
         Returns:
-            FrameState; without points its arrays are empty and `encoded` is None.
+            FrameState; without points its arrays are empty and `encoded` is None. The tracker
+            encodes the frame when it is first needed, so that other trackers need not pay for it.
 
         Raises:
             ValueError: points of another shape, or not finite.
@@ -135,7 +146,7 @@ class StreamingNetwork:
         if not len(points):
             return _nothing()
         xyz = self.sample(points, t)
-        proposals, probability, frame, kept, encoded = self._detect(xyz)
+        proposals, probability, frame, kept = self._detect(xyz)
         clusters = cluster(proposals, self.decoding)
         probability = probability.numpy()
         scores = box_scores(clusters, self.scorer, xyz[0], probability)
@@ -146,7 +157,7 @@ class StreamingNetwork:
             best_first(clusters, scores, self.min_score),
             probability,
             xyz[0],
-            encoded,
+            lambda: self._encode(frame),
         )
 
     def displacement(self, previous: FrameState, current: FrameState) -> np.ndarray:
@@ -155,8 +166,21 @@ class StreamingNetwork:
             return np.zeros_like(previous.points)
         return self._associate(previous.encoded, current.encoded).numpy()[0]
 
+    def appearance(self, state: FrameState, boxes: np.ndarray) -> np.ndarray:
+        """The mean feature of the kept points in each box, L2-normalised; 0 where there are none.
+
+        boxes: (M, 7) level frame, of the frame of `state` -> (M, C) float32.
+        """
+        features = np.zeros((len(boxes), state.features.shape[1]), np.float32)
+        owner = points_in_boxes(state.points, boxes) if len(boxes) else np.zeros(0, int)
+        for i in range(len(boxes)):
+            inside = owner == i
+            if inside.any():
+                features[i] = state.features[inside].mean(0)
+        return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-9)
+
 
 def _nothing() -> FrameState:
     empty, nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
     none = Detections(np.zeros((0, 7), np.float32), nothing, np.zeros(0, np.int32))
-    return FrameState(empty, nothing, empty[:, :1], none, nothing, empty, None)
+    return FrameState(empty, nothing, empty[:, :1], none, nothing, empty)

@@ -73,7 +73,7 @@ def test_replay_equals_the_networks_and_runs_them_once(scene, weights, tmp_path,
     again = CachedPredictions(tmp_path, weights)
     assert not again.fill(scene)
     seconds = again.seconds(scene)
-    assert seconds.shape == (5, 2)
+    assert seconds.shape == (5, 3)
     assert seconds[1, 1] > 0 and seconds[0, 1] == 0
 
 
@@ -139,16 +139,21 @@ def test_trackers_side_by_side_have_their_times(root, weights, tmp_path):
     config = EvaluateConfig(root, seqs=(1,), weights=weights)
     records = {
         name: evaluate_cached(config, cached, name, tmp_path / name)
-        for name in ("pointtracknet", "sort")
+        for name in ("pointtracknet", "sort", "deep_sort")
     }
     for name, record in records.items():
         assert record["run"]["config"]["tracker"] == name
         assert (tmp_path / name / "tracks" / "0001.txt").is_file()
         seconds = record["seconds_per_frame"]
-        parts = seconds["detect"] + seconds["displacement"] + seconds["tracker"]
+        names = ("detect", "displacement", "appearance", "tracker")
+        parts = sum(seconds[name] for name in names)
         assert seconds["total"] == pytest.approx(parts)
     assert records["pointtracknet"]["seconds_per_frame"]["displacement"] > 0
-    assert records["sort"]["seconds_per_frame"]["displacement"] == 0
+    for name in ("sort", "deep_sort"):
+        assert records[name]["seconds_per_frame"]["displacement"] == 0
+    for name in ("pointtracknet", "sort"):
+        assert records[name]["seconds_per_frame"]["appearance"] == 0
+    assert records["deep_sort"]["seconds_per_frame"]["appearance"] > 0
 
 
 def test_timed_source_measures_its_reader(scene, monkeypatch):
