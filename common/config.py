@@ -1,7 +1,7 @@
 """Frozen dataclasses to and from JSON, checked field by field.
 
 A field's metadata may hold `least` and `most`, bounds of its number or of each number in its
-tuple, and `least_items` (1) of a tuple of any length.
+tuple, and `least_items` (1) and `most_items` (64) of a tuple of any length.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from common.errors import InputError
 T = TypeVar("T")
 
 MAX_ITEMS = 64
-"""Of a tuple of any length."""
+"""Of a tuple of any length, unless its field says otherwise."""
 _MAX_INT, _MAX_FLOAT = 2**53, 1e15
 
 
@@ -90,8 +90,9 @@ def _tuple(
         raise InputError(f"{name}: expected a list, found {_short(value)}", path)
     variadic, count = len(kinds) == 2 and kinds[1] is Ellipsis, len(value)
     least = bounds.get("least_items", 1)
-    if variadic and not least <= count <= MAX_ITEMS:
-        raise InputError(f"{name}: expected {least} to {MAX_ITEMS} items, found {count}", path)
+    most = bounds.get("most_items", MAX_ITEMS)
+    if variadic and not least <= count <= most:
+        raise InputError(f"{name}: expected {least} to {most} items, found {count}", path)
     if not variadic and count != len(kinds):
         raise InputError(f"{name}: expected {len(kinds)} items, found {_short(value)}", path)
     return tuple(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from models.config import DecodingConfig
 
 FILE_NAME = "scorer.json"
 FORMAT = 1
+MANY = {"most_items": 1000}  # two for each channel of FC1, and some
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,10 @@ class BoxScorer:
     detector_sha256: str
     min_score: float
     bias: float
-    features: tuple[str, ...]
-    mean: tuple[float, ...]
-    scale: tuple[float, ...]
-    weight: tuple[float, ...]
+    features: tuple[str, ...] = field(metadata=MANY)
+    mean: tuple[float, ...] = field(metadata=MANY)
+    scale: tuple[float, ...] = field(metadata=MANY)
+    weight: tuple[float, ...] = field(metadata=MANY)
     format: int = FORMAT
 
     def scores(self, features: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -87,6 +87,13 @@ def test_a_scorer_is_stored_beside_its_detector(tmp_path):
         load_scorer(tmp_path, "abd")
 
 
+def test_a_scorer_with_two_features_for_each_channel_is_stored(tmp_path):
+    names, numbers = tuple(f"FC1 {i} mean" for i in range(300)), (0.5,) * 300
+    many = BoxScorer("abc", 0.4, 0.0, names, numbers, numbers, numbers)
+    save_scorer(tmp_path, many)
+    assert load_scorer(tmp_path, "abc") == many
+
+
 def test_without_a_scorer_one_line_says_so(tmp_path, capsys):
     assert load_scorer(tmp_path, "abc") is None
     assert capsys.readouterr().err.endswith("not found, boxes are scored by agreement\n")
