@@ -292,7 +292,7 @@ class Demo:
             f"{source}: {len(self.seqs)} sequences, {frames} frames. The paper's rows: KITTI's "
             "validation sequences, so they are not comparable with ours.",
             f"Protocol clear3d, 3-D IoU at least {self.config.iou:g}; boxes of score "
-            f"{self.evaluation(0.0).min_box_score} or more; every tracker gets the same "
+            f"{self.evaluation(0.0).min_box_score:.3g} or more; every tracker gets the same "
             "boxes from the detector. D: objects shifted at random by up to D metres in each "
             "frame. s/frame: networks (the displacement for PointTrackNet alone, pooled features "
             "for DEEP_SORT alone) and tracker, on this machine; the paper's on a GTX 1080 Ti.",
