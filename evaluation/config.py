@@ -34,12 +34,10 @@ def parse_threshold(text: str) -> float | str:
     if text == BEST:
         return BEST
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"expected a number or {BEST!r}, found {text!r}")
-    return value
+        return finite_float(text)
+    except argparse.ArgumentTypeError:
+        message = f"expected a number or {BEST!r}, found {text!r}"
+        raise argparse.ArgumentTypeError(message) from None
 
 
 def parse_seqs(text: str) -> tuple[int, ...]:

@@ -105,8 +105,9 @@ def run_tracker(
         scene.check(poses=config.tracker == "ab3dmot")
     if provider is None:
         provider = make_provider(config, scenes)
-    if config.min_box_score is not None:
-        provider = BoxesAtLeast(provider, config.min_box_score)
+    least = config.min_box_score
+    if least is not None:
+        provider = BoxesAtLeast(provider, least)
     with Progress(sum(len(scene.frames) for scene in scenes), config.tracker, "frames") as bar:
         return {
             scene.name: track_scene(

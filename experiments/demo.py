@@ -40,11 +40,6 @@ SCENE = "scene.html"
 SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
 TITLE = "PointTrackNet: trackers side by side"
 HEADER = ("method", "D (m)", "from", *TABLE5_COLUMNS, "s/frame")
-NAMES = {
-    **TRACKER_NAMES,
-    "pointtracknet": "PointTrackNet",
-    "pointtracknet_probation": "PointTrackNet, probation of 3",
-}
 PAPER_SECONDS = {"PointTrackNet": 0.099}  # Table II, N = 15000, N' = 5000, GTX 1080 Ti
 PAPER = "paper, KITTI"
 Row = tuple[str, list[str]]
@@ -311,7 +306,7 @@ def comparison_rows(records: Mapping[float, Mapping[str, Any]], ours: str) -> li
     rows: list[Row] = []
     for distance, trackers in records.items():
         for tracker, record in trackers.items():
-            name, metrics = NAMES[tracker], record["clear3d"]["overall"]
+            name, metrics = TRACKER_NAMES[tracker], record["clear3d"]["overall"]
             seconds = record["seconds_per_frame"]["total"]
             cells = [_cell(metrics[column]) for column in TABLE5_COLUMNS]
             kind = "ours" if tracker == "pointtracknet" else ""

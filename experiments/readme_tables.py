@@ -22,22 +22,16 @@ from common.errors import InputError
 from common.files import write_text
 from common.flags import ArgumentParser, run
 from common.provenance import ROOT
+from evaluation.side_by_side import SIDE_BY_SIDE
 from evaluation.table import markdown
 from experiments.paper import TABLE5
-from experiments.runs import shown
+from experiments.runs import TRACKER_NAMES, shown
 
 TABLES = ROOT / "docs" / "tables"
 PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # the record's line says it, with the rest
 EXAMS = {"simulated": "validation", "real": "real"}
 DISTANCES = ("0.0", "2.0")  # metres, as the exams' files name them
-TRACKERS = {
-    "pointtracknet": "PointTrackNet",
-    "pointtracknet_probation": "PointTrackNet, probation of 3",
-    "sort": "SORT",
-    "deep_sort": "DEEP_SORT",
-    "ab3dmot": "AB3DMOT",
-}
 BASELINES = ("sort", "deep_sort", "ab3dmot")
 
 
@@ -92,7 +86,8 @@ def summary(*exams: dict[str, list[dict[str, float]]]) -> str:
     heads = [f"{data}, D = {float(d):g} m" for data in (*EXAMS, "paper") for d in DISTANCES]
     lines = []
     for boxes, title in (("", ""), (" on true boxes", ", true boxes")):
-        for tracker, name in TRACKERS.items():
+        for tracker in SIDE_BY_SIDE:
+            name = TRACKER_NAMES[tracker]
             key = f"MOTA@0.5, {tracker}{boxes}"
             if any(key in exam[distance][0] for exam, distance in columns):
                 cells = [shown([f[key] for f in exam[d]], 3) for exam, d in columns]
@@ -113,7 +108,7 @@ def _behind(exams: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[
             mean(f[f"MOTA@0.5, {tracker}"] for f in figures)
             for tracker in ("pointtracknet", *BASELINES)
         )
-        names = zip(map(TRACKERS.__getitem__, BASELINES), others, strict=True)
+        names = zip(map(TRACKER_NAMES.__getitem__, BASELINES), others, strict=True)
         if ahead := [name for name, value in names if value > ours]:
             parts.append(f"{', '.join(ahead)} ({head})")
     if not parts:

@@ -25,6 +25,8 @@ Key = TypeVar("Key", bound=Hashable)
 WORKERS = 2
 NICE = 5
 TRACKER_NAMES = {
+    "pointtracknet": "PointTrackNet",
+    "pointtracknet_probation": "PointTrackNet, probation of 3",
     "sort": "SORT",
     "deep_sort": "DEEP_SORT",
     "ab3dmot": "AB3DMOT",

@@ -171,19 +171,12 @@ def evaluate_protocol(
         threshold: smallest mean score of a track; "best" for the one with the best overall MOTA
             among the recall points; None keeps all.
     """
-    if name in CLEAR3D:
-        protocol = Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
-        return metrics_of(protocol, entries, threshold)
     if name not in PROTOCOLS:
         raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
-    rules = rules_for(name, classes)
-    if name == "kitti2d":
-        return metrics_of(Kitti2d(entries, rules=rules), entries, threshold)
-    if name == "kitti3d":
-        return metrics_of(
-            Kitti3d(entries, min_iou, rules=rules), entries, threshold, over_recall=True
-        )
-    return _hota_metrics(entries, threshold, rules)
+    if name == "hota":
+        return _hota_metrics(entries, threshold, rules_for(name, classes))
+    protocol = _clear_protocol(name, entries, classes, min_iou)
+    return metrics_of(protocol, entries, threshold, over_recall=name == "kitti3d")
 
 
 def best_threshold(
@@ -194,13 +187,19 @@ def best_threshold(
     Raises:
         InputError: as `evaluate_protocol`.
     """
+    return sweep(_clear_protocol(name, entries, classes, min_iou).outcomes).best_threshold
+
+
+def _clear_protocol(
+    name: str, entries: Sequence[Entry], classes: Sequence[str], min_iou: float
+) -> Clear3d | KittiProtocol:
+    """The protocol of that name; for hota `kitti2d`."""
     if name in CLEAR3D:
-        protocol = Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
-    elif name == "kitti3d":
-        protocol = Kitti3d(entries, min_iou, rules=rules_for(name, classes))
-    else:
-        protocol = Kitti2d(entries, rules=rules_for(name, classes))
-    return sweep(protocol.outcomes).best_threshold
+        return Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
+    rules = rules_for(name, classes)
+    if name == "kitti3d":
+        return Kitti3d(entries, min_iou, rules=rules)
+    return Kitti2d(entries, rules=rules)
 
 
 def _kitti_case(entry: Entry, space: str, neighbours_may_match: bool, rules: KittiRules):

@@ -22,7 +22,7 @@ from common.provenance import provenance
 from kitti.boxes import points_in_boxes
 from kitti.sequence import open_sequences
 from kitti.splits import parse_sequences
-from models.box_score import load_scorer
+from models.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
 from training.box_candidates import CandidateFinder, Candidates
@@ -88,11 +88,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     sequences = open_sequences(flags.data_root, parse_sequences(flags.seqs))
     detector = load_detector(flags.weights / "detector.npz")
     scorer = load_scorer(flags.weights, network_hash(detector))
-    decoding = DecodingConfig()
-    min_score = decoding.min_score if scorer is None else scorer.min_score
-    if flags.score_threshold is not None:
-        min_score = flags.score_threshold
-    (frames,) = CandidateFinder(detector, decoding).find_all(sequences, every=flags.every)
+    min_score = flags.score_threshold
+    if min_score is None:
+        min_score = default_min_score(flags.weights)
+    (frames,) = CandidateFinder(detector, DecodingConfig()).find_all(sequences, every=flags.every)
     rows = [m for f in frames for m in misses(f, f.scores(scorer), min_score, flags.points)]
     record = provenance(min_score=min_score)
     text = table(rows, record["command"])
