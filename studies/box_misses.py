@@ -18,6 +18,7 @@ import numpy as np
 
 from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, positive_int, run
+from common.markdown import markdown
 from common.provenance import provenance
 from kitti.boxes import points_in_boxes
 from kitti.sequence import open_sequences
@@ -59,12 +60,9 @@ def misses(
 def table(rows: list[dict[str, Any]], command: str) -> str:
     """One line for each missed vehicle, as Markdown."""
     names = ("drive", "frame", "range", "length", "points", "mask", "proposals", "IoU", "score")
-    lines = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-    for row in rows:
-        cells = {**row, "drive": Path(row["drive"]).name}
-        shown = (_cell(cells[name]) for name in names)
-        lines.append(f"| {' | '.join(shown)} |")
-    return "\n".join([*lines, "", f"`{command}`", ""])
+    named = ({**row, "drive": Path(row["drive"]).name} for row in rows)
+    cells = [[_cell(row[name]) for name in names] for row in named]
+    return markdown(names, cells) + f"\n`{command}`\n"
 
 
 def _cell(value: Any) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from common.markdown import markdown
 from metrics.scored_boxes import (
     HIT,
     ScoredBoxes,
@@ -97,11 +98,11 @@ def draw(parts: dict[str, dict[str, Any]], path: Path) -> None:
 
 def table(parts: dict[str, dict[str, Any]]) -> str:
     """Recall at the precision, before and after, as Markdown."""
-    lines = [f"| drives | IoU | {' | '.join(POINTS)} | calibration error |", "|---" * 6 + "|"]
+    rows = []
     for name, figures in parts.items():
         for min_iou in MIN_IOUS:
             both = figures[f"IoU {min_iou}"]
             cells = [f"{both['before'][p]:.3f} -> {both['after'][p]:.3f}" for p in POINTS]
             error = f"{figures['expected_calibration_error']:.3f}"
-            lines.append(f"| {name} | {min_iou} | {' | '.join(cells)} | {error} |")
-    return "\n".join([*lines, ""])
+            rows.append([name, str(min_iou), *cells, error])
+    return markdown(["drives", "IoU", *POINTS, "calibration error"], rows)
