@@ -20,7 +20,7 @@ from evaluation.config import EvaluateConfig
 from evaluation.run import evaluate
 from evaluation.submission import SUBMISSION
 from evaluation.table import overall_table, threshold_line
-from kitti.splits import TEST
+from kitti.seqmap import TEST
 
 __all__ = ["EvaluateConfig", "evaluate", "main"]
 

@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.detections import NetworkStream
-from kitti.calibration import Calibration
-from kitti.image_size import image_size_of
-from kitti.point_arrays import as_points
-from kitti.scans import in_camera_view
-from kitti.standard_mounting import standard_mounting
+from kitti.calibration import Calibration, standard_mounting
+from kitti.camera_view import image_size_of, in_camera_view
+from kitti.scans.point_arrays import as_points
 from models.inference import StreamingNetwork
 from models.weights import load_networks
 from tracking import Tracks, make_tracker, track_frame
@@ -37,11 +35,11 @@ class Tracker:
 
     Args:
         network: both networks.
-        calib: how the scanner is mounted and what the camera sees; None for
-            `kitti.standard_mounting`. The networks look at what the camera sees, as they were
-            trained.
+        calib: how the scanner is mounted and what the camera sees; by default
+            `kitti.calibration.standard_mounting`. The networks take the points in the
+            camera's view, as in training.
         image_size: width and height of the camera's image in pixels, where the calibration does
-            not say it (see `kitti.image_size`).
+            not say it (see `kitti.camera_view.image_size_of`).
         parameters: fields of `tracking.association_to_trajectory.AssociationParameters`.
     """
 

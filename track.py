@@ -20,15 +20,13 @@ from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
 from evaluation.tracking_loop import result_rows
-from kitti.calibration import read_calibration
-from kitti.camera_view import check_view
-from kitti.image_size import describe_image_size, parse_image_size
+from kitti.calibration import read_calibration, standard_mounting
+from kitti.camera_view import check_view, describe_image_size, parse_image_size
 from kitti.objects import Objects
-from kitti.point_arrays import MAX_RANGE
-from kitti.scan_folder import find_scans
-from kitti.scan_layout import KITTI_LAYOUT, ScanLayout
-from kitti.scans import SUFFIXES, read_points
-from kitti.standard_mounting import standard_mounting
+from kitti.scans.point_arrays import MAX_RANGE
+from kitti.scans.scan_files import SUFFIXES, read_points
+from kitti.scans.scan_folder import find_scans
+from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout
 from kitti.track_files import WRITERS, parse_formats, write_tracks
 
 PROBED_SCANS = 3
@@ -39,7 +37,7 @@ class Scans:
     """The scans of a folder, by frame number.
 
     Args:
-        folder: see `kitti.scan_folder.find_scans`.
+        folder: see `kitti.scans.scan_folder.find_scans`.
         layout: how the files are read.
 
     Raises:

@@ -20,7 +20,7 @@ from evaluation.run import check_writable
 from evaluation.scene import Scene, open_scenes
 from kitti.labels import Objects
 from kitti.object_shift import ObjectShift
-from kitti.splits import parse_sequences
+from kitti.seqmap import parse_sequences
 from visualization.animation import animate
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip

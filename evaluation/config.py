@@ -14,7 +14,7 @@ from common.flags import finite_float, non_negative_float, non_negative_int
 from evaluation.scene import Scene, open_scenes
 from kitti.object_shift import ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
-from kitti.splits import TEST, VAL, parse_sequences
+from kitti.seqmap import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
 from metrics.protocols import BEST, CLEAR3D, PROTOCOLS
 from models.box_score import default_min_score

@@ -15,7 +15,7 @@ from kitti.object_shift import (
     shift_objects,
     shift_points,
 )
-from kitti.sequence import Sequence, open_sequences
+from kitti.sequence import KittiSequence, open_sequences
 
 
 class Scene:
@@ -26,7 +26,7 @@ class Scene:
         shift: the shift; None for none.
     """
 
-    def __init__(self, sequence: Sequence, shift: ObjectShift | None = None):
+    def __init__(self, sequence: KittiSequence, shift: ObjectShift | None = None):
         self.sequence, self.shift = sequence, shift
         self.name = sequence.name
         self.frames, self.num_frames = sequence.frames, sequence.num_frames

@@ -19,7 +19,7 @@ from evaluation.table import markdown
 from evaluation.tracking_loop import track_scene
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
 from experiments.runs import make_parser, write
-from kitti.splits import sequence_name
+from kitti.seqmap import sequence_name
 from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, metrics_of
 from tracking import make_tracker
 

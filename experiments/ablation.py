@@ -31,7 +31,7 @@ from evaluation.table import markdown
 from experiments.evaluate_networks import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
 from experiments.runs import write
-from kitti.splits import parse_sequences
+from kitti.seqmap import parse_sequences
 from models.config import DecodingConfig
 from training.command_line import configured, defaults, train
 from training.config import TrackerTrainingConfig

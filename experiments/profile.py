@@ -23,7 +23,8 @@ from common.flags import ArgumentParser, positive_int, run
 from common.provenance import provenance
 from evaluation.table import markdown
 from experiments.table2 import matmul_rate, median_seconds, simulate
-from kitti.scans import read_scan, sample_points
+from kitti.scans.point_arrays import sample_points
+from kitti.scans.scan_files import read_scan
 
 HEADER = ("block", "seconds", "floor (s)", "times the floor", "MB moved")
 

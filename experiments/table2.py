@@ -24,8 +24,8 @@ from common.flags import ArgumentParser, positive_int, run
 from common.markdown import markdown
 from common.progress import Progress
 from experiments.runs import write
-from kitti.scans import sample_points
-from kitti.sequence import Sequence as KittiSequence
+from kitti.scans.point_arrays import sample_points
+from kitti.sequence import KittiSequence
 
 PAPER = {  # seconds; Table II, GTX 1080 Ti
     (15000, 5000): 0.099,

@@ -1,4 +1,7 @@
-"""Overlap of upright boxes that are turned about z: shapely, only over pairs that can overlap."""
+"""Overlap of boxes: in space, seen from above, and in the image (x1, y1, x2, y2 in pixels).
+
+Areas of turned boxes come from shapely, over pairs that can overlap alone.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import shapely
 from kitti.boxes import box_corners
 
 _GRID_M = 1e-10  # far below any label's precision, far above float64's rounding at 100 m
+EPS = np.finfo(np.float64).eps
 _TOUCH_M2 = 1e-9  # boxes that touch share at most a sliver that comes from the grid
 
 
@@ -127,3 +131,57 @@ def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """part / whole, 0 where whole is not above 0; rounding can not bring it above 1."""
     good = whole > 0
     return np.where(good, np.minimum(part / np.where(good, whole, 1.0), 1.0), 0.0)
+
+
+def footprints_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether boxes seen from above share an area, by the separating axis theorem: no areas.
+
+    Args:
+        a, b: (..., 7) boxes of one frame, which broadcast against each other.
+
+    Returns:
+        (...) bool; False where they only touch, and for boxes with NaN.
+    """
+    x, y = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    turn = b[..., 6] - a[..., 6]
+    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    length_a, width_a, length_b, width_b = a[..., 3], a[..., 4], b[..., 3], b[..., 4]
+    along_b = (length_b * cos + width_b * sin, length_b * sin + width_b * cos)
+    along_a = (length_a * cos + width_a * sin, length_a * sin + width_a * cos)
+    common = True
+    for yaw, own, other in (
+        (a[..., 6], (length_a, width_a), along_b),
+        (b[..., 6], (length_b, width_b), along_a),
+    ):
+        c, s = np.cos(yaw), np.sin(yaw)
+        common = common & (2 * np.abs(c * x + s * y) < own[0] + other[0])
+        common = common & (2 * np.abs(c * y - s * x) < own[1] + other[1])
+    return common
+
+
+def _intersection(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Areas shared by image boxes (M, 4) and (K, 4): (M, K) square pixels."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    return np.prod(np.maximum(high - low, 0.0), axis=-1)
+
+
+def _area(boxes: np.ndarray) -> np.ndarray:
+    """Areas (M,) of image boxes (M, 4), square pixels."""
+    return (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
+
+
+def iou_2d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Intersection over union (M, K) of image boxes; 0 where either box is empty."""
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    shared, area_a, area_b = _intersection(a, b), _area(a), _area(b)
+    union = area_a[:, None] + area_b[None, :] - shared
+    valid = (area_a > EPS)[:, None] & (area_b > EPS)[None, :] & (union > EPS)
+    return np.where(valid, shared, 0.0) / np.where(valid, union, 1.0)
+
+
+def covered(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Share (M, K) of the area of image boxes `a` that lies in each of `b`; 0 for an empty one."""
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    area_a = _area(a)[:, None]
+    return np.where(area_a > EPS, _intersection(a, b), 0.0) / np.where(area_a > EPS, area_a, 1.0)

@@ -22,8 +22,7 @@ import numpy as np
 
 from kitti.boxes import IMAGE_SIZE, observation_angle, points_in_boxes, project_boxes
 from kitti.calibration import Calibration
-from kitti.footprints import footprints_overlap
-from kitti.iou import iou_bev_pairs
+from kitti.iou import footprints_overlap, iou_bev_pairs
 from kitti.objects import Objects
 
 LENGTHS = ("uniform", "per_axis")

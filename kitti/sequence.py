@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence as Seq
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -13,17 +13,16 @@ import numpy as np
 from common.errors import InputError
 from common.notes import note
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
+from kitti.camera_view import image_size_of, in_camera_view
 from kitti.detections import read_detection_folder
-from kitti.image_size import image_size_of
 from kitti.labels import MAX_FRAMES, Limit, read_labels, read_results
 from kitti.objects import Objects
-from kitti.scans import in_camera_view, read_scan
-from kitti.seqmap import check_subset, find_seqmap, frames_in_seqmap
-from kitti.splits import sequence_name
+from kitti.scans.scan_files import read_scan
+from kitti.seqmap import check_subset, find_seqmap, frames_in_seqmap, sequence_name
 from kitti.tables import read_table
 
 
-class Sequence:
+class KittiSequence:
     """Sequence `seq` of `data_root/subset`.
 
     Its frames are known from a seqmap (`evaluate_tracking.seqmap[.training|.testing]` in data_root
@@ -51,7 +50,7 @@ class Sequence:
             raise InputError(f"sequence {self.name} has no label file", self.label_path)
 
     def __repr__(self) -> str:
-        return f"Sequence({str(self.data_root)!r}, {self.seq}, {self.subset!r})"
+        return f"KittiSequence({str(self.data_root)!r}, {self.seq}, {self.subset!r})"
 
     @property
     def label_path(self) -> Path:
@@ -97,7 +96,7 @@ class Sequence:
 
     @cached_property
     def image_size(self) -> tuple[int, int]:
-        """Width and height of the left colour image in pixels (see `kitti.image_size`)."""
+        """Width and height of the left colour image in pixels; see `image_size_of`."""
         return image_size_of(self.calib)
 
     @cached_property
@@ -196,7 +195,7 @@ class Sequence:
 
 
 def open_sequences(
-    data_root: str | Path, seqs: Seq[int], subset: str = "training"
-) -> list[Sequence]:
+    data_root: str | Path, seqs: Sequence[int], subset: str = "training"
+) -> list[KittiSequence]:
     """Opens several sequences; raises InputError at once if one is not there."""
-    return [Sequence(data_root, seq, subset) for seq in seqs]
+    return [KittiSequence(data_root, seq, subset) for seq in seqs]

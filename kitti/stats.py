@@ -15,9 +15,8 @@ import numpy as np
 from common import flags
 from common.errors import InputError
 from kitti.objects import CLASSES, VEHICLES, Objects
-from kitti.sequence import Sequence as KittiSequence
-from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences
+from kitti.seqmap import parse_sequences
+from kitti.sequence import KittiSequence, open_sequences
 
 VEHICLE_NAME = "+".join(VEHICLES)
 LABELLED = tuple(name for name in CLASSES if name != "DontCare")

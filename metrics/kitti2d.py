@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from kitti.image_boxes import EPS
+from kitti.iou import EPS
 from metrics.comparison import Comparison
 from metrics.counts import Counts, Outcome
 from metrics.kitti_rules import RULES, KittiRules

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.errors import InputError
-from kitti.image_boxes import EPS, covered
+from kitti.iou import EPS, covered
 from kitti.labels import Objects
 from metrics.comparison import rows_by_frame
 

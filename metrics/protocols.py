@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kitti.image_boxes import iou_2d
-from kitti.iou import iou_3d
+from kitti.iou import iou_2d, iou_3d
 from kitti.labels import Objects
 from metrics.clear3d import clear3d
 from metrics.comparison import Comparison, compare

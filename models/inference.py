@@ -10,7 +10,7 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.boxes import points_in_boxes
-from kitti.scans import sample_points
+from kitti.scans.point_arrays import sample_points
 from models.box_decoding import (
     Clusters,
     Detections,

@@ -9,8 +9,8 @@ from pathlib import Path
 from common.errors import InputError
 from common.flags import ArgumentParser, finite_float, non_negative_int, positive_int, run
 from kitti.labels import MAX_FRAMES
+from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences
 from simulator.dataset import make_dataset
 from simulator.frames import Options
 from simulator.plan import Plan

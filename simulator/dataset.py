@@ -12,8 +12,7 @@ from common.config import parse_json
 from common.errors import InputError
 from common.files import write_bytes, write_json
 from common.progress import Progress
-from kitti.seqmap import write_seqmap
-from kitti.splits import sequence_name
+from kitti.seqmap import sequence_name, write_seqmap
 from simulator.plan import Plan, label_path, part_path, scan_path
 from simulator.pool import run_jobs
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from common.files import write_bytes
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from simulator.config import SENSOR, VehicleMix
 from simulator.drive import DriveWorld, drive
 from simulator.motion_files import write_oxts
@@ -21,7 +21,7 @@ from simulator.scan import Scene, Sweep
 class LabelWorld:
     """A labelled sequence as a `simulator.plan.World`; its text files are the source's."""
 
-    sequence: Sequence
+    sequence: KittiSequence
     replay: Replay
 
     @property
@@ -63,7 +63,7 @@ class LabelWorld:
 
 
 def _from_labels(plan: Plan, seq: int) -> LabelWorld:
-    sequence = Sequence(plan.spec["from_labels"], seq)
+    sequence = KittiSequence(plan.spec["from_labels"], seq)
     rng = np.random.default_rng((plan.seed, seq, 2**20))
     return LabelWorld(sequence, replay(sequence, rng))
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from kitti.calibration import Calibration
-from kitti.scans import in_camera_view
+from kitti.camera_view import in_camera_view
 from simulator.scan import Scene, Sweep, sweep
 from simulator.sensor import Rays, make_rays
 

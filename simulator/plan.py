@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from kitti.calibration import Calibration
 from kitti.objects import Objects
-from kitti.splits import sequence_name
+from kitti.seqmap import sequence_name
 from simulator import VERSION
 from simulator.config import RETURNS, SENSOR, SIZES
 from simulator.frames import Options

@@ -18,8 +18,8 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 from kitti.labels import write_labels
-from kitti.scans import write_scan
-from kitti.splits import sequence_name
+from kitti.scans.scan_files import write_scan
+from kitti.seqmap import sequence_name
 from simulator.config import SENSOR
 from simulator.drivers import DRIVERS
 from simulator.frames import Options, ego_velocity, take_sweep

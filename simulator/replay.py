@@ -12,7 +12,7 @@ import numpy as np
 
 from kitti.boxes import transform_boxes
 from kitti.objects import Objects
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from simulator.bodies import make_body
 from simulator.config import SENSOR
 from simulator.convex import Body
@@ -63,7 +63,7 @@ class Replay:
         return result
 
 
-def ego_poses(sequence: Sequence) -> np.ndarray:
+def ego_poses(sequence: KittiSequence) -> np.ndarray:
     """(F, 4, 4) level-frame poses: from poses/, else at a plausible constant speed."""
     if sequence.poses is not None:
         return sequence.poses
@@ -72,7 +72,7 @@ def ego_poses(sequence: Sequence) -> np.ndarray:
     return poses
 
 
-def replay(sequence: Sequence, rng, setting: Setting | None = None) -> Replay:
+def replay(sequence: KittiSequence, rng, setting: Setting | None = None) -> Replay:
     """Builds the world of a labelled sequence; all randomness comes from `rng`."""
     poses = ego_poses(sequence)
     objects = sequence.objects

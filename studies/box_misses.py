@@ -21,8 +21,8 @@ from common.flags import ArgumentParser, finite_float, positive_int, run
 from common.markdown import markdown
 from common.provenance import provenance
 from kitti.boxes import points_in_boxes
+from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
-from kitti.splits import parse_sequences
 from models.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash

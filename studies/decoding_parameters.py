@@ -26,7 +26,7 @@ from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.object_shift import ObjectShift
-from kitti.scans import sample_points
+from kitti.scans.point_arrays import sample_points
 from models.box_decoding import decode_detections
 from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs

@@ -8,7 +8,7 @@ and draws bird's-eye views and range images side by side. Without the data it sa
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence as Seq
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from common.markdown import markdown
 from common.progress import progress
 from common.provenance import provenance
 from kitti.objects import VEHICLES
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from simulator.fidelity import compare_frame, summarise
 from simulator.frames import Options, take_sweep
 from simulator.replay import Replay, replay
@@ -50,7 +50,7 @@ def parser() -> ArgumentParser:
     return result
 
 
-def simulate(sequence: Sequence, world: Replay, frame: int, seed: int) -> np.ndarray:
+def simulate(sequence: KittiSequence, world: Replay, frame: int, seed: int) -> np.ndarray:
     """A simulated scan (n, 4) of the level frame."""
     where = (sequence.calib, sequence.image_size, Options(), (seed, sequence.seq, frame))
     points = take_sweep(world.scene(frame), *where).points
@@ -73,7 +73,11 @@ def table(rows: dict[str, float | int | None]) -> str:
     )
 
 
-def draw(path: Path, sequence: Sequence, pairs: list[tuple[int, np.ndarray, np.ndarray]]) -> None:
+Pairs = list[tuple[int, np.ndarray, np.ndarray]]
+"""(frame, real scan, simulated scan) each, level frame."""
+
+
+def draw(path: Path, sequence: KittiSequence, pairs: Pairs) -> None:
     """Bird's-eye views and range images; pairs of (frame, real, simulated) level-frame scans."""
     import matplotlib as mpl
 
@@ -111,13 +115,13 @@ def _range_image(axes, xyz) -> None:
     axes.set(xlim=(-42, 42), ylim=(-17, 3.5), xlabel="azimuth, degrees", ylabel="elevation")
 
 
-def main(argv: Seq[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Prints the table and writes it; returns 0 also where the data are absent."""
     flags = parser().parse_args(argv)
     if not (flags.data_root / "training" / "velodyne" / f"{flags.seq:04d}").is_dir():
         print(f"skipped: no real scans of sequence {flags.seq:04d} in {flags.data_root}")
         return 0
-    sequence = Sequence(flags.data_root, flags.seq)
+    sequence = KittiSequence(flags.data_root, flags.seq)
     usable = [frame for frame in sequence.frames if sequence.has_scan(frame)]
     figures, pairs = [], []
     for seed in range(1, flags.seeds + 1):

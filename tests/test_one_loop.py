@@ -7,11 +7,10 @@ from small_weights import write_weights
 import evaluate
 import track
 from common import flags
-from kitti.calibration import write_calibration
+from kitti.calibration import standard_mounting, write_calibration
 from kitti.labels import Objects, read_results, write_labels
-from kitti.scans import read_scan, write_scan
+from kitti.scans.scan_files import read_scan, write_scan
 from kitti.seqmap import write_seqmap
-from kitti.standard_mounting import standard_mounting
 from pointtracknet import Tracker
 
 FRAMES = 4

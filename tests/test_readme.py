@@ -16,7 +16,7 @@ from common.errors import InputError
 from common.provenance import ROOT, provenance
 from experiments import readme_tables
 from experiments.readme_tables import TABLES, filled, record_line, summary
-from kitti.scans import write_scan
+from kitti.scans.scan_files import write_scan
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EACH_DOCUMENT = pytest.mark.parametrize(

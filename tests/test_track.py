@@ -11,11 +11,10 @@ from small_weights import write_weights
 import track
 from common import flags
 from common.errors import InputError
-from kitti.calibration import write_calibration
+from kitti.calibration import standard_mounting, write_calibration
 from kitti.labels import read_results
-from kitti.point_arrays import as_points
-from kitti.scans import write_scan
-from kitti.standard_mounting import standard_mounting
+from kitti.scans.point_arrays import as_points
+from kitti.scans.scan_files import write_scan
 from models.box_decoding import Detections
 from pointtracknet import Tracker
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.errors import InputError
-from kitti.image_boxes import iou_2d
-from kitti.iou import iou_3d
+from kitti.iou import iou_2d, iou_3d
 from tracking.frame_detections import FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.kalman_box import KalmanBox, Noise

@@ -13,10 +13,9 @@ import tensorflow as tf
 
 from common.progress import progress
 from kitti.boxes import points_in_boxes, project_boxes
-from kitti.image_boxes import covered
-from kitti.iou import iou_3d
+from kitti.iou import covered, iou_3d
 from kitti.labels import VEHICLES
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from metrics.kitti_rules import RULES
 from models.box_decoding import Clusters, cluster
 from models.box_score import BoxScorer
@@ -87,7 +86,7 @@ class CandidateFinder:
         outputs = self.detector(detector_inputs(xyz, self.detector.config), training=False)
         return frame_proposals(self.detector, xyz, outputs, self.decoding.min_probability)
 
-    def find(self, sequence: Sequence, t: int, view: int = 0) -> Candidates:
+    def find(self, sequence: KittiSequence, t: int, view: int = 0) -> Candidates:
         """Candidates of a frame with a scan.
 
         view: chooses the sampled points with t; odd ones are mirrored left to right.
@@ -116,7 +115,7 @@ class CandidateFinder:
         )
 
     def find_all(
-        self, sequences: list[Sequence], views: Iterable[int] = (0,), every: int = 1
+        self, sequences: list[KittiSequence], views: Iterable[int] = (0,), every: int = 1
     ) -> list[list[Candidates]]:
         """For each view, the candidates of every `every`-th frame with a scan."""
         frames, views = frame_list(sequences)[::every], list(views)

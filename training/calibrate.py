@@ -10,15 +10,15 @@ Writes scorer.json into the folder of weights, and calibration.json and reliabil
 
 from __future__ import annotations
 
-from collections.abc import Sequence as SequenceOf
+from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
 from common.files import write_json
 from common.flags import ArgumentParser, positive_int, run
 from common.provenance import provenance
-from kitti.sequence import Sequence, open_sequences
-from kitti.splits import parse_sequences
+from kitti.seqmap import parse_sequences
+from kitti.sequence import KittiSequence, open_sequences
 from metrics.scored_boxes import best_threshold
 from models.box_score import save_scorer
 from models.config import DecodingConfig
@@ -59,7 +59,7 @@ def make_parser() -> ArgumentParser:
     return parser
 
 
-def _open(roots: SequenceOf[str], seqs: str | None = None) -> list[Sequence]:
+def _open(roots: Sequence[str], seqs: str | None = None) -> list[KittiSequence]:
     return [
         sequence
         for root in roots
@@ -69,7 +69,7 @@ def _open(roots: SequenceOf[str], seqs: str | None = None) -> list[Sequence]:
     ]
 
 
-def main(argv: SequenceOf[str] | None = None) -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Runs the detector, chooses the penalty, fits, measures, writes."""
     flags = make_parser().parse_args(argv)
     roots = {"real": flags.real_root, "simulated": flags.simulated_root}

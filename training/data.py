@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence as SequenceOf
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from common.errors import InputError
-from kitti.sequence import Sequence, open_sequences
-from kitti.splits import parse_sequences
+from kitti.seqmap import parse_sequences
+from kitti.sequence import KittiSequence, open_sequences
 
 ALL = "all"
 HELD_OUT = "0011"
@@ -37,8 +37,8 @@ class Pool:
 class TrainingData:
     """Sequences to train and validate on, and how often each training pool is drawn from."""
 
-    training: list[Sequence]
-    validation: list[Sequence]
+    training: list[KittiSequence]
+    validation: list[KittiSequence]
     pools: list[Pool]
 
     def record(self) -> dict[str, Any]:
@@ -148,8 +148,8 @@ def open_data(flags: argparse.Namespace) -> TrainingData:
 
 
 def _numbers(
-    roots: SequenceOf[str],
-    seqs: SequenceOf[str],
+    roots: Sequence[str],
+    seqs: Sequence[str],
     seqs_flag: str,
     root_flag: str,
     held_out: frozenset[tuple[Path, int]] | set[tuple[Path, int]] = frozenset(),
@@ -181,7 +181,7 @@ def labelled_sequences(data_root: str | Path) -> list[int]:
     return [int(name) for name in names]
 
 
-def _pools(counts: SequenceOf[int], shares: dict[int, float]) -> list[Pool]:
+def _pools(counts: Sequence[int], shares: dict[int, float]) -> list[Pool]:
     """Pools of roots with `counts` sequences: one a root with a share, one of all the others."""
     first = [sum(counts[:root]) for root in range(len(counts))]
     of_root = [tuple(range(a, a + n)) for a, n in zip(first, counts, strict=True)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from kitti.ground import GroundModel, fit_ground, ground_mask
 from kitti.objects import CLASSES
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from training.object_bank import ObjectBank
 
 FRAMES_PER_ROOT = 300
@@ -32,12 +32,12 @@ class LabelledFrame(NamedTuple):
     other_ids: np.ndarray  # (K,) int64
 
 
-def frame_list(sequences: list[Sequence]) -> list[tuple[int, int]]:
+def frame_list(sequences: list[KittiSequence]) -> list[tuple[int, int]]:
     """(sequence index, frame) of every frame that has a scan."""
     return [(i, t) for i, s in enumerate(sequences) for t in s.frames if s.has_scan(t)]
 
 
-def pair_list(sequences: list[Sequence], single_scans: bool = False) -> list[tuple[int, int]]:
+def pair_list(sequences: list[KittiSequence], single_scans: bool = False) -> list[tuple[int, int]]:
     """(sequence index, t) of every adjacent pair (t-1, t) whose two scans are there.
 
     With `single_scans` also of every scan t that is in no such pair.
@@ -52,7 +52,7 @@ def pair_list(sequences: list[Sequence], single_scans: bool = False) -> list[tup
     return items
 
 
-def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> LabelledFrame:
+def read_frame(sequence: KittiSequence, t: int, classes: tuple[str, ...]) -> LabelledFrame:
     """Reads frame t of a sequence; the ground points and DontCare regions are found here."""
     points = np.ascontiguousarray(sequence.read_points_level(t)[:, :3], np.float32)
     objects = sequence.objects.at(t)
@@ -74,7 +74,7 @@ def read_frame(sequence: Sequence, t: int, classes: tuple[str, ...]) -> Labelled
     )
 
 
-def _inside(points: np.ndarray, sequence: Sequence, regions: np.ndarray) -> np.ndarray:
+def _inside(points: np.ndarray, sequence: KittiSequence, regions: np.ndarray) -> np.ndarray:
     inside = np.zeros(len(points), bool)
     if len(regions) and len(points):
         uv, _ = sequence.calib.project_level(points)
@@ -87,7 +87,7 @@ def _inside(points: np.ndarray, sequence: Sequence, regions: np.ndarray) -> np.n
 class FrameReader:
     """Reads labelled frames of a list of sequences, keeping the last few."""
 
-    def __init__(self, sequences: list[Sequence], classes: tuple[str, ...], keep: int = 64):
+    def __init__(self, sequences: list[KittiSequence], classes: tuple[str, ...], keep: int = 64):
         self.sequences, self.classes = sequences, classes
         self.read = lru_cache(maxsize=keep)(self._read)
         self._lock, self._bank = Lock(), None

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kitti.boxes import points_in_boxes, wrap_angle
-from kitti.footprints import footprints_overlap
 from kitti.ground import GroundModel
+from kitti.iou import footprints_overlap
 from training.frames import LabelledFrame
 from training.object_bank import CutObject, ObjectBank, view
 

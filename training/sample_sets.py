@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from models.config import DetectorConfig
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
 from training.frames import FrameReader, LabelledFrame, frame_list, pair_list
@@ -28,7 +28,7 @@ class FrameItems:
     """
 
     def __init__(
-        self, sequences: list[Sequence], classes: tuple[str, ...], items: list[tuple[int, int]]
+        self, sequences: list[KittiSequence], classes: tuple[str, ...], items: list[tuple[int, int]]
     ):
         self.sequences, self.classes, self.items = sequences, classes, items
         self.roots = [str(sequences[i].data_root) for i, _ in items]
@@ -52,7 +52,7 @@ class DetectorSamples(FrameItems):
 
     def __init__(
         self,
-        sequences: list[Sequence],
+        sequences: list[KittiSequence],
         config: DetectorTrainingConfig,
         augmentation: AugmentationConfig,
     ):
@@ -79,7 +79,7 @@ class PairSamples(FrameItems):
 
     def __init__(
         self,
-        sequences: list[Sequence],
+        sequences: list[KittiSequence],
         config: TrackerTrainingConfig,
         detector: DetectorConfig,
         augmentation: AugmentationConfig,

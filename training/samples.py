@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kitti.object_shift import ObjectShift, shift_points
-from kitti.scans import sample_points
+from kitti.scans.point_arrays import sample_points
 from kitti.targets import association_displacement, foreground_labels, point_displacement
 from models.box_coding import BoxTargets, encode_boxes
 from models.config import BoxCodingConfig

@@ -12,16 +12,15 @@ import numpy as np
 from campaigns.mutations import damaged, nasty_word
 from common.config import from_dict, parse_json, to_dict
 from common.steps import Steps
-from kitti.calibration import read_calibration, write_calibration
+from kitti.calibration import read_calibration, standard_mounting, write_calibration
+from kitti.camera_view import image_size_of
 from kitti.detections import read_detection_folder
-from kitti.image_size import image_size_of
 from kitti.labels import read_labels, read_results, write_results
-from kitti.scan_folder import find_scans
-from kitti.scan_layout import ScanLayout
-from kitti.scans import read_points, write_scan
+from kitti.scans.scan_files import read_points, write_scan
+from kitti.scans.scan_folder import find_scans
+from kitti.scans.scan_layout import ScanLayout
 from kitti.seqmap import read_seqmap
-from kitti.sequence import Sequence
-from kitti.standard_mounting import standard_mounting
+from kitti.sequence import KittiSequence
 from models.config import DetectorConfig, TrackerConfig
 from training.config import DetectorTrainingConfig, TrackerTrainingConfig
 
@@ -84,7 +83,7 @@ def sequence(folder: Path, rng: np.random.Generator) -> None:
         _write(folder / name, data, rng)
         if name != hurt:
             (folder / name).write_bytes(data)
-    opened = Sequence(folder, 0)
+    opened = KittiSequence(folder, 0)
     _ = opened.frames, opened.objects, opened.poses
 
 

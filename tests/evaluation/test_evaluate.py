@@ -11,7 +11,7 @@ import evaluate
 from evaluate import EvaluateConfig
 from kitti.boxes import project_boxes
 from kitti.labels import read_results
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 
 TRACKERS = ("gt_displacement", "sort", "deep_sort", "ab3dmot")
 TEN = ["MOTA", "MOTP", "MT", "ML", "IDS", "FRAG", "TP", "FP", "FN", "GT"]
@@ -51,7 +51,7 @@ def test_every_tracker_follows_steady_cars(tiny_root, tmp_path, tracker):
 
 def test_result_files_hold_the_projected_boxes(tiny_root, tmp_path):
     run(tiny_root, tmp_path, "--tracker", "gt_displacement")
-    sequence = Sequence(tiny_root, 0)
+    sequence = KittiSequence(tiny_root, 0)
     rows = read_results(tmp_path / "tracks" / "0000.txt", sequence.num_frames)
     assert len(rows) == 36 and sorted(set(rows.type.tolist())) == ["Car", "Van"]
     expected = project_boxes(rows.boxes, sequence.calib, sequence.image_size)
@@ -79,7 +79,7 @@ def test_detections_move_along_under_displacement(tiny_root, tmp_path):
     moved = run(tiny_root, tmp_path, *argv, "--classes", "Car", "--displacement", "2")
     assert moved["clear3d"]["overall"]["TP"] == 24
     rows = read_results(tmp_path / "tracks" / "0000.txt")
-    labels = Sequence(tiny_root, 0).objects
+    labels = KittiSequence(tiny_root, 0).objects
     shift = rows.at(3).boxes[0, :2] - labels.at(3).boxes[:2, :2]
     assert np.linalg.norm(shift, axis=1).min() > 1e-3  # nobody stayed where the label is
 

@@ -9,25 +9,25 @@ from evaluation.scene import Scene
 from evaluation.table import markdown
 from evaluation.tracking_loop import NEVER_SEEN, SceneFrame, keep_last_seen, track_scene
 from kitti.object_shift import ObjectShift
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from tracking import make_tracker
 
 
 @pytest.fixture
 def scene(tiny_root) -> Scene:
-    return Scene(Sequence(tiny_root, 0))
+    return Scene(KittiSequence(tiny_root, 0))
 
 
 def test_ground_truth_gives_every_frame_even_empty_ones(tiny_root):
-    empty = Scene(Sequence(tiny_root, 1))
+    empty = Scene(KittiSequence(tiny_root, 1))
     frames = list(LabelBoxes(("Car",)).frames(empty))
     assert [found.t for found in frames] == [0, 1, 2, 3, 4]
     assert all(found.boxes.shape == (0, 7) for found in frames)
 
 
 def test_ground_truth_boxes_are_the_displaced_labels(tiny_root):
-    moved = Scene(Sequence(tiny_root, 0), ObjectShift(2.0, seed=3))
-    still = Scene(Sequence(tiny_root, 0))
+    moved = Scene(KittiSequence(tiny_root, 0), ObjectShift(2.0, seed=3))
+    still = Scene(KittiSequence(tiny_root, 0))
     for found in LabelBoxes(("Car", "Van")).frames(moved):
         gap = np.linalg.norm(found.boxes[:, :3] - still.objects.at(found.t).boxes[:, :3], axis=1)
         assert (gap <= 2.0).all() and (gap > 0).all()
@@ -49,7 +49,7 @@ def test_ego_motion_takes_the_frame_before_to_this_one(tmp_path):
     poses[:, 2, 3] = 1.5 * np.arange(12)  # the camera drives 1.5 m ahead in each frame
     (root / "poses").mkdir()
     np.savetxt(root / "poses" / "0000.txt", poses.reshape(12, 12))
-    motions = Scene(Sequence(root, 0)).ego_motions
+    motions = Scene(KittiSequence(root, 0)).ego_motions
     np.testing.assert_allclose(motions[0], np.eye(4), atol=1e-12)
     ahead = motions[5] @ [10.0, 0, 0, 1]  # what stood 10 m ahead is now 8.5 m ahead
     np.testing.assert_allclose(ahead, [8.5, 0, 0, 1], atol=1e-12)
@@ -59,7 +59,7 @@ def test_ego_motion_is_known_where_there_are_poses(tmp_path, scene):
     root = tiny_kitti.make(tmp_path / "kitti")
     (root / "poses").mkdir()
     np.savetxt(root / "poses" / "0000.txt", np.tile(np.eye(4)[:3].ravel(), (12, 1)))
-    with_poses = Scene(Sequence(root, 0))
+    with_poses = Scene(KittiSequence(root, 0))
     np.testing.assert_array_equal(
         SceneFrame(with_poses, with_poses.objects, 3).ego_motion, np.eye(4)
     )

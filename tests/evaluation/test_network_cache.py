@@ -20,8 +20,8 @@ from evaluation.network_cache import CachedPredictions
 from evaluation.scene import Scene
 from evaluation.side_by_side import TimedDetections, evaluate_cached
 from kitti.object_shift import ObjectShift
-from kitti.scans import write_scan
-from kitti.sequence import Sequence
+from kitti.scans.scan_files import write_scan
+from kitti.sequence import KittiSequence
 from tracking import FrameDetections
 
 
@@ -44,7 +44,7 @@ def root(tmp_path_factory):
 
 @pytest.fixture
 def scene(root):
-    return Scene(Sequence(root, 1))
+    return Scene(KittiSequence(root, 1))
 
 
 def _same(a, b):
@@ -88,9 +88,9 @@ def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
     names = [
         name(),
         name(weights=other_weights),
-        name(Scene(Sequence(changed, 1))),
-        name(Scene(Sequence(root, 1), ObjectShift(2.0))),
-        name(Scene(Sequence(root, 1), ObjectShift(2.0, seed=1))),
+        name(Scene(KittiSequence(changed, 1))),
+        name(Scene(KittiSequence(root, 1), ObjectShift(2.0))),
+        name(Scene(KittiSequence(root, 1), ObjectShift(2.0, seed=1))),
         name(boxes=LabelBoxes(("Car",)), boxes_name="gt"),
     ]
     assert len(set(names)) == len(names)

@@ -12,8 +12,8 @@ from common import flags
 from evaluation.submission import write_submission
 from kitti.calibration import write_calibration
 from kitti.labels import read_results
-from kitti.scans import write_scan
-from kitti.splits import TEST
+from kitti.scans.scan_files import write_scan
+from kitti.seqmap import TEST
 
 
 @pytest.fixture(scope="module")

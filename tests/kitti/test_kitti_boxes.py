@@ -183,10 +183,10 @@ def test_box_that_reaches_behind_the_camera_is_cut_there(calib):
 @pytest.mark.real
 def test_projection_agrees_with_real_2d_labels(kitti_root):
     from kitti.objects import VEHICLES
-    from kitti.sequence import Sequence
+    from kitti.sequence import KittiSequence
 
     for seq in (0, 16, 20):
-        sequence = Sequence(kitti_root, seq)
+        sequence = KittiSequence(kitti_root, seq)
         cars = sequence.objects.of_classes(VEHICLES)
         cars = cars[(cars.truncation == 0) & (cars.occlusion == 0)]
         found = project_boxes(cars.boxes, sequence.calib, sequence.image_size)

@@ -5,7 +5,7 @@ import pytest
 
 from common.errors import InputError
 from kitti.calibration import Calibration, read_calibration, write_calibration
-from kitti.image_size import image_size_of, parse_image_size
+from kitti.camera_view import image_size_of, parse_image_size
 
 ONE = "1 0 0 0 0 1 0 0 0 0 1 0"
 P = "700 0 600 40 0 700 170 0 0 0 1 0"

@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kitti.footprints import footprints_overlap
-from kitti.iou import iou_bev
+from kitti.iou import footprints_overlap, iou_bev
 
 CAR = np.array([20.0, 0, 0, 4, 2, 1.5, 0.3])
 

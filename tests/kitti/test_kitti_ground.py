@@ -109,9 +109,9 @@ def test_real_scans(kitti_root):
     """Every fourth real scan: the model passes under the labelled cars, not through them."""
     from kitti.boxes import points_in_boxes
     from kitti.objects import VEHICLES
-    from kitti.sequence import Sequence
+    from kitti.sequence import KittiSequence
 
-    sequence = Sequence(kitti_root, 0)
+    sequence = KittiSequence(kitti_root, 0)
     off, flagged, rest = [], [], []
     for t in range(0, sequence.num_frames, 4):
         points, cars = sequence.read_points_level(t), sequence.objects.at(t).of_classes(VEHICLES)

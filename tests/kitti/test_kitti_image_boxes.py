@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kitti.image_boxes import covered, iou_2d
+from kitti.iou import covered, iou_2d
 
 
 def test_image_overlap():

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kitti.boxes import points_in_boxes, project_boxes
-from kitti.footprints import footprints_overlap
+from kitti.iou import footprints_overlap
 from kitti.object_shift import (
     LENGTHS,
     ObjectShift,

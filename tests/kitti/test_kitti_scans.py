@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from kitti.scans import in_camera_view, read_scan, sample_points, write_scan
+from kitti.camera_view import in_camera_view
+from kitti.scans.point_arrays import sample_points
+from kitti.scans.scan_files import read_scan, write_scan
 
 
 def test_round_trip(tmp_path):
@@ -87,9 +89,9 @@ def test_sampling_from_nothing():
 
 @pytest.mark.real
 def test_real_scans_lie_in_the_image(kitti_root):
-    from kitti.sequence import Sequence
+    from kitti.sequence import KittiSequence
 
-    sequence = Sequence(kitti_root, 0)
+    sequence = KittiSequence(kitti_root, 0)
     for t in (0, 77, 153):
         everything = sequence.read_points_level(t, crop=False)
         cropped = sequence.read_points_level(t)

@@ -6,9 +6,9 @@ from kitti_rows import dont_care_row, label_row
 
 from common.errors import InputError
 from kitti.calibration import LEVEL_FROM_CAMERA
-from kitti.scans import write_scan
+from kitti.scans.scan_files import write_scan
 from kitti.seqmap import SEQMAP, read_seqmap, write_seqmap
-from kitti.sequence import Sequence, open_sequences
+from kitti.sequence import KittiSequence, open_sequences
 
 ROWS = [label_row(0, 1), dont_care_row(3), label_row(5, 1)]
 
@@ -22,7 +22,7 @@ def _add_scans(root, frames, subset="training", seq=0):
 def test_frames_are_known_from_the_last_labelled_one(kitti_folder):
     root = kitti_folder(ROWS)
     _add_scans(root, [0, 1])  # scans are not counted
-    sequence = Sequence(root, 0)
+    sequence = KittiSequence(root, 0)
     assert sequence.name == "0000"
     assert sequence.num_frames == 6
     assert list(sequence.frames) == [0, 1, 2, 3, 4, 5]
@@ -35,14 +35,14 @@ def test_frames_are_known_from_the_last_labelled_one(kitti_folder):
 def test_seqmap_comes_first(kitti_folder, place):
     root = kitti_folder(ROWS)
     (root / place).write_text("0000 empty 000000 000009\n0007 empty 000000 000001\n")
-    assert Sequence(root, 0).num_frames == 9
+    assert KittiSequence(root, 0).num_frames == 9
 
 
 def test_seqmap_of_the_other_subset_or_sequence_is_not_used(kitti_folder):
     root = kitti_folder(ROWS)
     write_seqmap(root, "testing", {0: 20})
     write_seqmap(root, "training", {3: 20})
-    assert Sequence(root, 0).num_frames == 6
+    assert KittiSequence(root, 0).num_frames == 6
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_seqmap_of_the_other_subset_or_sequence_is_not_used(kitti_folder):
 def test_a_seqmap_limits_the_labels(kitti_folder, capsys, row, frames, labelled):
     root = kitti_folder(ROWS)
     (root / SEQMAP).write_text(f"0000 empty {row}\n")
-    sequence = Sequence(root, 0)
+    sequence = KittiSequence(root, 0)
     assert sequence.frames == frames
     assert sequence.objects.frame.tolist() == labelled
     assert "0000.txt: 1 rows outside the seqmap's frames" in capsys.readouterr().err
@@ -69,7 +69,7 @@ def test_labels_that_end_before_the_results_are_named(kitti_folder):
     (root / "r.txt").write_text(label_row(6, 1) + "\n")
     message = r"r\.txt:1: .*expected 0 to 5, where the labels .*0000\.txt end; a seqmap sets the"
     with pytest.raises(InputError, match=message):
-        Sequence(root, 0).read_results(root / "r.txt")
+        KittiSequence(root, 0).read_results(root / "r.txt")
 
 
 def test_detections_may_be_a_file_per_frame(kitti_folder):
@@ -81,7 +81,7 @@ def test_detections_may_be_a_file_per_frame(kitti_folder):
         (folder / "000001.txt").write_text("")
         (folder / "000003.txt").write_text(row.format("car", 2.5) + row.format("Cyclist", -1))
         (folder / "notes.md").write_text("mine")
-        found = Sequence(root, 0).read_detections(root / below.split("/")[0])
+        found = KittiSequence(root, 0).read_detections(root / below.split("/")[0])
         assert found.frame.tolist() == [3, 3]
         assert found.type.tolist() == ["Car", "Cyclist"]
         assert found.score.tolist() == [2.5, -1]
@@ -89,17 +89,17 @@ def test_detections_may_be_a_file_per_frame(kitti_folder):
         np.testing.assert_allclose(found.boxes[0], expected)
     (folder / "000006.txt").write_text(row.format("Car", 1))
     with pytest.raises(InputError, match=r"000006\.txt: frame beyond .*expected 0 to 5"):
-        Sequence(root, 0).read_detections(root / "b")
+        KittiSequence(root, 0).read_detections(root / "b")
     with pytest.raises(InputError, match=r"expected 0000\.txt .* or 0000/000000\.txt"):
-        Sequence(root, 0).read_detections(root)
+        KittiSequence(root, 0).read_detections(root)
 
 
 def test_empty_label_file_needs_a_seqmap(kitti_folder):
     root = kitti_folder([])
     with pytest.raises(InputError, match="is empty"):
-        assert Sequence(root, 0).num_frames
+        assert KittiSequence(root, 0).num_frames
     write_seqmap(root, "training", {0: 5})
-    sequence = Sequence(root, 0)
+    sequence = KittiSequence(root, 0)
     assert sequence.num_frames == 5
     assert len(sequence.objects) == 0
     assert len(sequence.pairs(scans=False)) == 4
@@ -108,7 +108,7 @@ def test_empty_label_file_needs_a_seqmap(kitti_folder):
 def test_a_missing_scan_is_missing_and_breaks_pairs(kitti_folder):
     root = kitti_folder(ROWS)
     _add_scans(root, [0, 1, 4, 5])
-    sequence = Sequence(root, 0)
+    sequence = KittiSequence(root, 0)
     assert [t for t in sequence.frames if sequence.has_scan(t)] == [0, 1, 4, 5]
     assert sequence.pairs() == [(0, 1), (4, 5)]
     assert sequence.pairs(scans=False) == [(t, t + 1) for t in range(5)]
@@ -119,7 +119,7 @@ def test_a_missing_scan_is_missing_and_breaks_pairs(kitti_folder):
 def test_points_come_in_the_level_frame_and_cropped(kitti_folder, calib):
     root = kitti_folder(ROWS)
     _add_scans(root, [0])
-    sequence = Sequence(root, 0)
+    sequence = KittiSequence(root, 0)
     points = sequence.read_points_level(0, crop=False)
     assert (points.dtype, points.shape) == (np.float32, (2, 4))
     np.testing.assert_allclose(points[0, :3], calib.velo_to_level([[20.0, 0, 0]])[0], rtol=1e-6)
@@ -130,50 +130,50 @@ def test_points_come_in_the_level_frame_and_cropped(kitti_folder, calib):
 def test_testing_subset_has_no_labels(kitti_folder):
     root = kitti_folder(ROWS)
     (root / "testing").mkdir()
-    sequence = Sequence(root, 0, "testing")
+    sequence = KittiSequence(root, 0, "testing")
     assert len(sequence.objects) == 0
     assert sequence.poses is None
     with pytest.raises(InputError, match="neither seqmap nor scans"):
         assert sequence.num_frames
     _add_scans(root, [0, 3], "testing")
-    assert Sequence(root, 0, "testing").num_frames == 4
+    assert KittiSequence(root, 0, "testing").num_frames == 4
     (root / "testing" / (SEQMAP + ".test")).write_text("0000 empty 000000 000006\n")
-    assert Sequence(root, 0, "testing").num_frames == 6
+    assert KittiSequence(root, 0, "testing").num_frames == 6
 
 
 def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     root = kitti_folder([label_row(t, 1) for t in range(2)])
-    assert Sequence(root, 0).poses is None
+    assert KittiSequence(root, 0).poses is None
     (root / "poses").mkdir()
     # The camera moves 1 m right, 2 m down, 3 m ahead.
     rows = ["1 0 0 0 0 1 0 0 0 0 1 0", "1 0 0 1 0 1 0 2 0 0 1 3"]
     (root / "poses" / "0000.txt").write_text("\n".join(rows) + "\n")
-    poses = Sequence(root, 0).poses
+    poses = KittiSequence(root, 0).poses
     assert poses.shape == (2, 4, 4)
     np.testing.assert_allclose(poses[1], [[1, 0, 0, 3], [0, 1, 0, -1], [0, 0, 1, -2], [0, 0, 0, 1]])
     np.testing.assert_allclose(LEVEL_FROM_CAMERA @ [1.0, 2, 3], [3, -1, -2])
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n" + rows[1].replace("1", "2") + "\n")
     with pytest.raises(InputError, match=r":2: its 3x3 block is not a rotation"):
-        assert Sequence(root, 0).poses is None
+        assert KittiSequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
     with pytest.raises(InputError, match=r"expected 2 rows \(a pose per frame\), found 1"):
-        assert Sequence(root, 0).poses is None
+        assert KittiSequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text("1 2 3\n")
     with pytest.raises(InputError, match=r":1: expected 12 columns, found 3"):
-        assert Sequence(root, 0).poses is None
+        assert KittiSequence(root, 0).poses is None
 
 
 def test_what_is_not_there(kitti_folder, tmp_path):
     with pytest.raises(InputError, match="expected a folder training/"):
-        Sequence(tmp_path / "nowhere", 0)
+        KittiSequence(tmp_path / "nowhere", 0)
     root = kitti_folder(ROWS)
     with pytest.raises(InputError, match=r"0004\.txt: sequence 0004 has no label file"):
         open_sequences(root, [0, 4])
     with pytest.raises(InputError, match="subset: expected training or testing"):
-        Sequence(root, 0, "validation")
+        KittiSequence(root, 0, "validation")
     (root / "training" / "label_02" / "0005.txt").mkdir()
     with pytest.raises(InputError, match="found a directory"):
-        assert Sequence(root, 5).objects
+        assert KittiSequence(root, 5).objects
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from plyfile import PlyData, PlyElement
 from pypcd4 import Encoding, PointCloud
 
 from common.errors import InputError
-from kitti.scan_layout import ScanLayout
-from kitti.scans import read_points, write_scan
+from kitti.scans.scan_files import read_points, write_scan
+from kitti.scans.scan_layout import ScanLayout
 
 NAMES = ("x", "y", "z", "intensity")
 

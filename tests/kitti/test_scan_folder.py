@@ -3,7 +3,7 @@
 import pytest
 
 from common.errors import InputError
-from kitti.scan_folder import find_scans
+from kitti.scans.scan_folder import find_scans
 
 
 def frames(folder, names):

@@ -3,7 +3,7 @@
 import numpy as np
 from metric_cases import random_entry, rows
 
-from kitti.image_boxes import iou_2d
+from kitti.iou import iou_2d
 from metrics.comparison import compare, rows_by_frame, track_scores
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from common.flags import run
 from kitti.boxes import points_in_boxes
-from kitti.sequence import Sequence, open_sequences
+from kitti.sequence import KittiSequence, open_sequences
 from simulator.__main__ import main
 
 FRAMES = 3
@@ -62,7 +62,7 @@ def test_kitti_reads_it_with_no_special_case(made):
 
 
 def test_labels_hold_the_points_of_their_objects(made):
-    sequence = Sequence(made, 16)
+    sequence = KittiSequence(made, 16)
     now = sequence.objects.at(1).of_classes(("Car", "Van", "Truck"))
     owner = points_in_boxes(sequence.read_points_level(1), now.boxes, 0.1)
     visible = np.flatnonzero((now.occlusion == 0) & (now.boxes[:, 0] < 30))
@@ -71,7 +71,7 @@ def test_labels_hold_the_points_of_their_objects(made):
 
 
 def test_track_ids_never_change(made):
-    objects = Sequence(made, 16).objects
+    objects = KittiSequence(made, 16).objects
     objects = objects[objects.type != "DontCare"]
     for track in np.unique(objects.track_id):
         rows = objects[objects.track_id == track]
@@ -120,14 +120,14 @@ def test_replayed_labels_equal_the_source(again, made):
         source, copy = (root / "training" / folder / "0016.txt" for root in (made, again))
         assert source.read_bytes() == copy.read_bytes()
     np.testing.assert_array_equal(
-        Sequence(made, 16).objects.boxes, Sequence(again, 16).objects.boxes
+        KittiSequence(made, 16).objects.boxes, KittiSequence(again, 16).objects.boxes
     )
 
 
 def test_replay_of_fewer_frames_is_whole(made, tmp_path):
     out = tmp_path / "data"
     assert run(main, replayed(out, made, "--frames", "2", "--processes", "1")) == 0
-    sequence = Sequence(out, 16)
+    sequence = KittiSequence(out, 16)
     assert sequence.num_frames == 2 and sequence.objects.frame.max() == 1
     assert len(sequence.poses) == 2
 
@@ -137,10 +137,10 @@ def test_options_change_what_they_say(again, made, tmp_path):
     assert run(main, replayed(around, made, "--frames", "2", "--full", "--processes", "1")) == 0
     flags = ("--frames", "2", "--motion_distortion", "--processes", "1")
     assert run(main, replayed(moving, made, *flags)) == 0
-    whole = Sequence(around, 16).read_points_level(1, crop=False)
+    whole = KittiSequence(around, 16).read_points_level(1, crop=False)
     assert (whole[:, 0] < -5).sum() > 5000 and len(whole) > 60000
-    still = Sequence(again, 16).read_points_level(1)
-    distorted = Sequence(moving, 16).read_points_level(1)
+    still = KittiSequence(again, 16).read_points_level(1)
+    distorted = KittiSequence(moving, 16).read_points_level(1)
     assert not np.array_equal(still, distorted)
     assert len(distorted) == pytest.approx(len(still), rel=0.05)
 

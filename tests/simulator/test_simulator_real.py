@@ -7,7 +7,7 @@ import pytest
 
 from common.flags import run
 from kitti.boxes import points_in_boxes
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from simulator.fidelity import count_beams, histogram_distance
 from simulator.frames import Options, take_sweep
 from simulator.replay import replay
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.real
 
 @pytest.fixture(scope="module")
 def world(kitti_root):
-    sequence = Sequence(kitti_root, 16)
+    sequence = KittiSequence(kitti_root, 16)
     return sequence, replay(sequence, np.random.default_rng(0))
 
 

@@ -8,7 +8,7 @@ import pytest
 from two_cars import write_sequence
 
 from common.errors import InputError
-from kitti.sequence import Sequence
+from kitti.sequence import KittiSequence
 from training.data import HELD_OUT, TRAINED, Pool, add_data_flags, labelled_sequences, open_data
 from training.frames import FrameReader, frame_list, pair_list
 
@@ -32,7 +32,7 @@ def opened(*words: str):
     return open_data(parser.parse_args(words))
 
 
-def names(sequences: list[Sequence]) -> list[str]:
+def names(sequences: list[KittiSequence]) -> list[str]:
     return [sequence.name for sequence in sequences]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from kitti.calibration import Calibration, write_calibration
 from kitti.labels import write_labels
 from kitti.objects import Objects
-from kitti.scans import write_scan
+from kitti.scans.scan_files import write_scan
 
 CALIB = Calibration(
     p2=np.array([[720.0, 0, 610, 0], [0, 720.0, 173, 0], [0, 0, 1, 0]]),

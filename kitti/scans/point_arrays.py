@@ -76,3 +76,20 @@ def from_fields(array: np.ndarray) -> np.ndarray:
         raise InputError(f"expected fields x, y, z (and intensity) of numbers, found {found}")
     with np.errstate(invalid="ignore"):  # of signalling NaN
         return np.stack([array[name].ravel().astype(np.float64) for name in wanted], axis=1)
+
+
+def sample_points(points: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Indices (n,) int64 of `n` of the points, in random order.
+
+    Without replacement where there are enough; otherwise every point once and the rest repeated
+    at random.
+
+    Raises:
+        ValueError: there is no point to draw from.
+    """
+    count = len(points)
+    if count == 0 and n > 0:
+        raise ValueError(f"cannot draw {n} points from none")
+    if count >= n:
+        return rng.permutation(count)[:n]
+    return rng.permutation(np.concatenate([np.arange(count), rng.integers(0, count, n - count)]))

@@ -1,4 +1,4 @@
-"""Scans: reading and writing files, the camera's crop, drawing N points."""
+"""Reads and writes the files of scans."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ import numpy as np
 from common.errors import InputError
 from common.files import read_bytes, write_bytes
 from common.notes import note
-from kitti.boxes import IMAGE_SIZE
-from kitti.calibration import Calibration
-from kitti.cloud_files import CLOUD_PARSERS, parse_cloud
-from kitti.point_arrays import MAX_RANGE, as_points
-from kitti.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw_points
+from kitti.scans.cloud_files import CLOUD_PARSERS, parse_cloud
+from kitti.scans.point_arrays import MAX_RANGE, as_points
+from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw_points
 
-MIN_DEPTH = 0.1
-"""Metres in front of the left colour camera from which on a point counts as seen."""
 SUFFIXES = (".bin", *CLOUD_PARSERS)
 """Of the files that `read_points` reads."""
 
@@ -86,35 +82,3 @@ def write_scan(path: str | Path, points: np.ndarray) -> None:
     if points.ndim != 2 or points.shape[1] != 4:
         raise ValueError(f"expected points of shape (n, 4), found {points.shape}")
     write_bytes(path, np.ascontiguousarray(points, "<f4").tobytes())
-
-
-def in_camera_view(
-    points_level: np.ndarray,
-    calib: Calibration,
-    image_size: tuple[int, int] = IMAGE_SIZE,
-    min_depth: float = MIN_DEPTH,
-) -> np.ndarray:
-    """(n,) bool: the points (n, >= 3, level frame) that fall into the left colour image."""
-    uv, depth = calib.project_level(points_level[:, :3])
-    width, height = image_size
-    seen = depth > min_depth
-    seen &= (uv[:, 0] >= 0) & (uv[:, 0] < width)
-    seen &= (uv[:, 1] >= 0) & (uv[:, 1] < height)
-    return seen
-
-
-def sample_points(points: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Indices (n,) int64 of `n` of the points, in random order.
-
-    Without replacement where there are enough; otherwise every point once and the rest repeated
-    at random.
-
-    Raises:
-        ValueError: there is no point to draw from.
-    """
-    count = len(points)
-    if count == 0 and n > 0:
-        raise ValueError(f"cannot draw {n} points from none")
-    if count >= n:
-        return rng.permutation(count)[:n]
-    return rng.permutation(np.concatenate([np.arange(count), rng.integers(0, count, n - count)]))

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from kitti.splits import TEST, VAL, parse_sequences, sequence_name
+from kitti.seqmap import TEST, VAL, parse_sequences, sequence_name
 
 
 def test_splits():

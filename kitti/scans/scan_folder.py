@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from common.errors import InputError
-from kitti.scans import SUFFIXES
+from kitti.scans.scan_files import SUFFIXES
 
 MAX_FRAME_NUMBER = 10**6
 """Larger numbers are times: they give an order, and no frame is missing between two of them."""

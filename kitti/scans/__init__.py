@@ -1,0 +1,1 @@
+"""Scan files: formats, layouts of raw files, folders of scans, arrays of points."""
