@@ -35,7 +35,7 @@ from kitti.seqmap import parse_sequences
 from models.config import DecodingConfig
 from training.command_line import configured, defaults, train
 from training.config import TrackerTrainingConfig
-from training.data import add_data_flags, open_data
+from training.sampling.data import add_data_flags, open_data
 
 DISTANCES = (0.0, 2.0)
 BOXES = {NETWORK: "network boxes", GROUND_TRUTH: "true boxes"}

@@ -26,7 +26,7 @@ from kitti.sequence import open_sequences
 from models.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
-from training.box_candidates import CandidateFinder, Candidates
+from training.scoring.box_candidates import CandidateFinder, Candidates
 
 MIN_IOU = 0.5
 

@@ -23,9 +23,9 @@ from metrics.scored_boxes import best_threshold
 from models.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
-from training.box_candidates import CandidateFinder
-from training.data import labelled_sequences
-from training.score_fit import (
+from training.sampling.data import labelled_sequences
+from training.scoring.box_candidates import CandidateFinder
+from training.scoring.score_fit import (
     RIGHT_IOU,
     Domain,
     ScoreFit,
@@ -33,7 +33,7 @@ from training.score_fit import (
     counted_vehicles,
     scored,
 )
-from training.score_report import draw, report, table
+from training.scoring.score_report import draw, report, table
 
 
 def make_parser() -> ArgumentParser:

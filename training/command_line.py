@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.config_flags import add_flags, from_flags
 from common.flags import ArgumentParser, non_negative_int
-from training.data import add_data_flags, open_data
+from training.sampling.data import add_data_flags, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
 

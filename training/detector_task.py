@@ -17,8 +17,8 @@ from models.losses import detection_losses, quality_loss, total_loss
 from models.probability_filter import foreground_probability
 from tf_ops import box_iou_3d
 from training.config import DetectorTrainingConfig
-from training.sample_sets import DetectorSamples
-from training.samples import DetectorSample, no_augmentation
+from training.sampling.sample_sets import DetectorSamples
+from training.sampling.samples import DetectorSample, no_augmentation
 
 # The focal loss of the mask is divided by the number of foreground points, as its paper divides by
 # the matched anchors; below this share of all points (a batch without vehicles) by that share.

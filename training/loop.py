@@ -20,9 +20,9 @@ from models import checkpoint
 from training.checkpoint_folder import CheckpointFolder
 from training.learning_rate import CyclicalLearningRate
 from training.logs import History, TensorBoard
-from training.pipeline import Order, dataset, make_order, micro_batches
+from training.sampling.pipeline import Order, dataset, make_order, micro_batches
+from training.sampling.workers import SampleWorkers
 from training.task import TrainingTask
-from training.workers import SampleWorkers
 
 READ_SECONDS = 1.0
 """Between two readings of the steps' losses, which are checked, summed up and shown."""
@@ -107,7 +107,7 @@ def start(
 ) -> TrainingRun:
     """Builds task and optimiser under the strategy.
 
-    `data` describes the data for the record; `pools` are those of `training.data`; `workers` is
+    `data` describes the data for the record; `pools` as in `training.sampling.data`; `workers` is
     the number of processes that make samples.
     """
     with strategy.scope():

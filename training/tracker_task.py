@@ -23,8 +23,8 @@ from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 from models.weights import network_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
-from training.sample_sets import PairSamples
-from training.samples import PairSample, no_augmentation
+from training.sampling.sample_sets import PairSamples
+from training.sampling.samples import PairSample, no_augmentation
 
 
 class PairBatch(NamedTuple):

@@ -12,8 +12,9 @@ from common.errors import InputError
 from models.box_decoding import Clusters, Proposals
 from models.weights import load_networks
 from studies import box_misses
-from training import calibrate, score_fit
-from training.box_candidates import Candidates
+from training import calibrate
+from training.scoring import score_fit
+from training.scoring.box_candidates import Candidates
 
 SMALL_GRID = (score_fit.Penalty(0.1, None), score_fit.Penalty(0.1, 1.0))
 

@@ -9,8 +9,16 @@ from two_cars import write_sequence
 
 from common.errors import InputError
 from kitti.sequence import KittiSequence
-from training.data import HELD_OUT, TRAINED, Pool, add_data_flags, labelled_sequences, open_data
-from training.frames import FrameReader, frame_list, pair_list
+from training.sampling.data import (
+    HELD_OUT,
+    TRAINED,
+    Pool,
+    add_data_flags,
+    labelled_sequences,
+    open_data,
+)
+from training.sampling.frame_reader import FrameReader
+from training.sampling.frames import frame_list, pair_list
 
 CLASSES = ("Car", "Van")
 

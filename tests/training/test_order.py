@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
-from training.data import Pool
-from training.pipeline import BLOCK, Order, make_order, micro_batches
+from training.sampling.data import Pool
+from training.sampling.pipeline import BLOCK, Order, make_order, micro_batches
 
 
 def one_pool(count: int, batch_size: int, seed: int) -> Order:

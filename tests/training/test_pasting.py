@@ -14,11 +14,11 @@ from kitti.ground import fit_ground
 from kitti.iou import iou_bev
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig
-from training.frames import LabelledFrame, read_frame
-from training.object_bank import MIN_POINTS, CutObject, ObjectBank, cut_objects
-from training.pasting import MIN_VISIBLE, ROOM, paste_objects
-from training.sample_sets import DetectorSamples
-from training.samples import detector_sample
+from training.sampling.frames import LabelledFrame, read_frame
+from training.sampling.object_bank import MIN_POINTS, CutObject, ObjectBank, cut_objects
+from training.sampling.pasting import MIN_VISIBLE, ROOM, paste_objects
+from training.sampling.sample_sets import DetectorSamples
+from training.sampling.samples import detector_sample
 
 CLASSES = ("Car", "Van")
 

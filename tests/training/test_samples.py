@@ -14,10 +14,11 @@ from kitti.iou import iou_bev
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
 from kitti.sequence import open_sequences
-from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig
-from training.frames import FrameReader, frame_list, pair_list, read_frame
-from training.samples import detector_sample, no_augmentation, pair_sample, shifted
+from training.sampling.augmentation import SceneTransform
+from training.sampling.frame_reader import FrameReader
+from training.sampling.frames import frame_list, pair_list, read_frame
+from training.sampling.samples import detector_sample, no_augmentation, pair_sample, shifted
 
 CLASSES = ("Car", "Van")
 CONFIG = DetectorTrainingConfig(dataclasses.replace(SMALL_DETECTOR, num_points=400))

@@ -6,9 +6,9 @@ from scipy.special import expit
 
 from common.errors import InputError
 from models.box_decoding import Clusters
-from training.box_candidates import Candidates
-from training.logistic import fit_logistic, log_loss
-from training.score_fit import Domain, Penalty, ScoreFit, care, choose_penalty, samples
+from training.scoring.box_candidates import Candidates
+from training.scoring.logistic import fit_logistic, log_loss
+from training.scoring.score_fit import Domain, Penalty, ScoreFit, care, choose_penalty, samples
 
 NAMES = ("signal", "noise", "FC1 0 mean")
 

@@ -12,10 +12,10 @@ from two_cars import boxes_at, write_sequence
 from kitti.boxes import points_in_boxes
 from kitti.sequence import open_sequences
 from training.config import TrackerTrainingConfig
-from training.frames import pair_list, read_frame
-from training.sample_sets import PairSamples
-from training.samples import no_augmentation, pair_sample, shifted
-from training.single_scan import MAX_FORWARD, MAX_YAW, ego_motion, split_scan
+from training.sampling.frames import pair_list, read_frame
+from training.sampling.sample_sets import PairSamples
+from training.sampling.samples import no_augmentation, pair_sample, shifted
+from training.sampling.single_scan import MAX_FORWARD, MAX_YAW, ego_motion, split_scan
 
 CLASSES = ("Car", "Van")
 

@@ -17,8 +17,8 @@ from network_cases import SMALL_DETECTOR
 
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
-from training.sample_sets import DetectorSamples, PairSamples
-from training.workers import SampleWorkers
+from training.sampling.sample_sets import DetectorSamples, PairSamples
+from training.sampling.workers import SampleWorkers
 
 
 def sample_sets(root):
@@ -54,7 +54,7 @@ def test_two_workers(tiny_data):
 
 SCRIPT = """
 import os, sys
-from training.workers import SampleWorkers
+from training.sampling.workers import SampleWorkers
 def pid(index, position): return os.getpid()
 if __name__ == "__main__":
     print(SampleWorkers(pid, 1)(0, 0), flush=True)

@@ -24,8 +24,8 @@ from models.config import DecodingConfig
 from models.detector import Detector, detector_inputs
 from models.inference import frame_proposals, sample_scan
 from tracking.assignment import greedy
-from training.augmentation import SceneTransform
-from training.frames import frame_list
+from training.sampling.augmentation import SceneTransform
+from training.sampling.frames import frame_list
 
 MIRRORED = SceneTransform(flip=True)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence as SequenceOf
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +12,11 @@ from kitti.scans.point_arrays import sample_points
 from kitti.targets import association_displacement, foreground_labels, point_displacement
 from models.box_coding import BoxTargets, encode_boxes
 from models.config import BoxCodingConfig
-from training.augmentation import SceneTransform
 from training.config import AugmentationConfig, DetectorTrainingConfig
-from training.frames import LabelledFrame
-from training.object_bank import ObjectBank
-from training.pasting import paste_objects
+from training.sampling.augmentation import SceneTransform
+from training.sampling.frames import LabelledFrame
+from training.sampling.object_bank import ObjectBank
+from training.sampling.pasting import paste_objects
 
 
 class DetectorSample(NamedTuple):
@@ -58,7 +58,7 @@ def no_augmentation() -> AugmentationConfig:
 
 
 def shifted(
-    frames: SequenceOf[LabelledFrame], config: AugmentationConfig, rng: np.random.Generator
+    frames: Sequence[LabelledFrame], config: AugmentationConfig, rng: np.random.Generator
 ) -> list[LabelledFrame]:
     """Frames whose objects, in a share of the samples, are moved as section IV.D moves them.
 

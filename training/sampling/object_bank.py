@@ -3,17 +3,14 @@ SECOND, Yan et al., Sensors 2018)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from collections.abc import Sequence as SequenceOf
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from kitti.boxes import box_corners
 from kitti.targets import foreground_labels
-
-if TYPE_CHECKING:
-    from training.frames import LabelledFrame
+from training.sampling.frames import LabelledFrame
 
 MIN_POINTS = 20
 """Points, ground left out, that an object needs to be cut."""
@@ -35,7 +32,7 @@ class ObjectBank:
         objects: one dictionary {class index: objects} for each data root.
     """
 
-    def __init__(self, objects: SequenceOf[dict[int, list[CutObject]]]):
+    def __init__(self, objects: Sequence[dict[int, list[CutObject]]]):
         self.objects = [of_root for of_root in objects if of_root]
 
     @classmethod

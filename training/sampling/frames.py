@@ -1,10 +1,7 @@
-"""Labelled frames from disk, as training sees them: points, vehicle boxes, foreground."""
+"""Labelled frames from disk: points, vehicle boxes, ground, ignored regions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
-from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +9,6 @@ import numpy as np
 from kitti.ground import GroundModel, fit_ground, ground_mask
 from kitti.objects import CLASSES
 from kitti.sequence import KittiSequence
-from training.object_bank import ObjectBank
-
-FRAMES_PER_ROOT = 300
-"""Frames of a data root that are searched for objects to paste: bounds time and memory."""
 
 
 class LabelledFrame(NamedTuple):
@@ -82,33 +75,3 @@ def _inside(points: np.ndarray, sequence: KittiSequence, regions: np.ndarray) ->
             u, v = uv[:, 0], uv[:, 1]
             inside |= (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
     return inside
-
-
-class FrameReader:
-    """Reads labelled frames of a list of sequences, keeping the last few."""
-
-    def __init__(self, sequences: list[KittiSequence], classes: tuple[str, ...], keep: int = 64):
-        self.sequences, self.classes = sequences, classes
-        self.read = lru_cache(maxsize=keep)(self._read)
-        self._lock, self._bank = Lock(), None
-
-    def _read(self, index: int, t: int) -> LabelledFrame:
-        return read_frame(self.sequences[index], t, self.classes)
-
-    @property
-    def bank(self) -> ObjectBank:
-        """Objects cut from the sequences, at the first use; the same for the same sequences."""
-        with self._lock:  # the input pipeline calls from several threads
-            if self._bank is None:
-                self._bank = ObjectBank.of_frames(self._frames_to_cut())
-            return self._bank
-
-    def _frames_to_cut(self) -> Iterator[tuple[str, LabelledFrame]]:
-        """`FRAMES_PER_ROOT` frames of each data root, evenly spread, with the root's name."""
-        of_root: dict[str, list[tuple[int, int]]] = {}
-        for index, t in frame_list(self.sequences):
-            of_root.setdefault(str(self.sequences[index].data_root), []).append((index, t))
-        for root, items in of_root.items():
-            count = min(len(items), FRAMES_PER_ROOT)
-            for row in np.linspace(0, len(items) - 1, count).round().astype(int):
-                yield root, self._read(*items[row])

@@ -16,8 +16,8 @@ from metrics.scored_boxes import (
     reliability,
     threshold_at_precision,
 )
-from training.box_candidates import Candidates
-from training.score_fit import MIN_POINTS, care, counted_vehicles, scored
+from training.scoring.box_candidates import Candidates
+from training.scoring.score_fit import MIN_POINTS, care, counted_vehicles, scored
 from visualization.drawing import save
 
 PRECISION = 0.9

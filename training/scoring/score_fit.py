@@ -16,8 +16,8 @@ from common.errors import InputError
 from metrics.scored_boxes import ScoredBoxes, collect, outcomes_of
 from models.box_score import BoxScorer
 from models.cluster_features import FC1
-from training.box_candidates import Candidates
-from training.logistic import LogisticModel, fit_logistic, log_loss
+from training.scoring.box_candidates import Candidates
+from training.scoring.logistic import LogisticModel, fit_logistic, log_loss
 
 RIGHT_IOU = 0.5  # a score is the probability of at least this 3-D IoU
 MIN_POINTS = 10  # of a vehicle that counts in recall

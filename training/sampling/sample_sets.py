@@ -13,10 +13,11 @@ import numpy as np
 from kitti.sequence import KittiSequence
 from models.config import DetectorConfig
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
-from training.frames import FrameReader, LabelledFrame, frame_list, pair_list
-from training.object_bank import ObjectBank
-from training.samples import DetectorSample, PairSample, detector_sample, pair_sample
-from training.single_scan import split_scan
+from training.sampling.frame_reader import FrameReader
+from training.sampling.frames import LabelledFrame, frame_list, pair_list
+from training.sampling.object_bank import ObjectBank
+from training.sampling.samples import DetectorSample, PairSample, detector_sample, pair_sample
+from training.sampling.single_scan import split_scan
 
 
 class FrameItems:

@@ -7,8 +7,8 @@ import numpy as np
 from kitti.boxes import points_in_boxes, wrap_angle
 from kitti.ground import GroundModel
 from kitti.iou import footprints_overlap
-from training.frames import LabelledFrame
-from training.object_bank import CutObject, ObjectBank, view
+from training.sampling.frames import LabelledFrame
+from training.sampling.object_bank import CutObject, ObjectBank, view
 
 PLACES = 4
 """Directions that are tried for an object before it is left out."""

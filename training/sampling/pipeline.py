@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from collections.abc import Sequence as SequenceOf
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +10,7 @@ import numpy as np
 import tensorflow as tf
 
 from common.errors import InputError
-from training.data import Pool
+from training.sampling.data import Pool
 
 BLOCK = 1000
 """Consecutive samples in which each pool has its exact share."""
@@ -75,8 +74,8 @@ def _permuted(values: np.ndarray, *key: int) -> np.ndarray:
 
 
 def make_order(
-    items: SequenceOf[tuple[int, int]],
-    pools: SequenceOf[Pool],
+    items: Sequence[tuple[int, int]],
+    pools: Sequence[Pool],
     epoch_size: int,
     batch_size: int,
     seed: int,

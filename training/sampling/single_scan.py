@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kitti.boxes import transform_boxes
-from training.frames import LabelledFrame
+from training.sampling.frames import LabelledFrame
 
 MAX_FORWARD = 2.0
 """Metres driven between the frames: 72 km/h at 10 Hz."""

@@ -1,0 +1,1 @@
+"""Training samples: labelled frames, augmentation, order, worker processes, tf.data."""

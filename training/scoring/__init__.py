@@ -1,0 +1,1 @@
+"""The fit of a box's score: candidates, logistic regression, report."""
