@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
+import gzip
+import io
 import itertools
+import os
+import zlib
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -13,7 +18,7 @@ from common.errors import InputError
 from common.files import read_bytes
 
 MAX_TEXT_BYTES = 2**28
-_BOM = b"\xef\xbb\xbf"
+_GZIP = b"\x1f\x8b"
 _EXACT = 2.0**53  # from here on float64 does not hold every integer
 _TEXT = "<U16"  # longer than any of KITTI's names, so a longer word stays unknown when cut
 
@@ -85,16 +90,40 @@ class Table:
 def read_lines(path: str | Path) -> list[str]:
     """The lines of a plain ASCII text file, without their ends (LF, CRLF or CR).
 
+    A file may be compressed by gzip, and may be UTF-8 or UTF-16 with a byte order mark.
+
     Raises:
         InputError: as `read_bytes`, or a byte that is not ASCII (KITTI's files hold none).
     """
-    data = read_bytes(path, MAX_TEXT_BYTES).removeprefix(_BOM)
+    data = _plain(read_bytes(path, MAX_TEXT_BYTES), path)
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if not data.isascii():
-        at = next(i for i, byte in enumerate(data) if byte > 127)
+    if not data.isascii() or b"\0" in data:
+        at = next(i for i, byte in enumerate(data) if byte > 127 or byte == 0)
         line = data.count(b"\n", 0, at) + 1
         raise InputError(f"expected plain text, found byte 0x{data[at]:02x}", path, line)
     return data.decode("ascii").split("\n")
+
+
+def _plain(data: bytes, path: str | Path) -> bytes:
+    """The text of a file, unpacked from gzip, without a byte order mark."""
+    try:
+        if data.startswith(_GZIP):
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+                data = file.read(MAX_TEXT_BYTES + 1)
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            data = data.decode("utf-16").encode()
+    except (OSError, EOFError, zlib.error, UnicodeError) as error:
+        raise InputError(f"expected plain text: {error}", path) from error
+    if len(data) > MAX_TEXT_BYTES:
+        raise InputError(f"expected at most {MAX_TEXT_BYTES} bytes of text", path)
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def text_file(folder: Path, name: str) -> Path:
+    """`folder/NAME.txt`, or `folder/NAME.txt.gz` where only that exists."""
+    path = folder / f"{name}.txt"
+    packed = folder / f"{name}.txt.gz"
+    return packed if packed.exists() and not os.path.lexists(path) else path
 
 
 def read_table(
