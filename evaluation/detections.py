@@ -64,7 +64,8 @@ class DetectionFiles:
         check_folder(folder)
         self.detections = {}
         for scene in scenes:
-            found = scene.sequence.read_detections(folder).of_classes(classes)
+            found = scene.sequence.read_detections(folder, alone=len(scenes) == 1)
+            found = found.of_classes(classes)
             self.detections[scene.name] = found[~(found.score < min_score)]
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:

@@ -102,7 +102,7 @@ def run_tracker(
 ) -> dict[str, Objects]:
     """Result rows of every scene, by name."""
     for scene in scenes:
-        scene.check(poses=config.tracker == "ab3dmot")
+        scene.check(poses=config.tracker == "ab3dmot", scans=config.needs_network)
     if provider is None:
         provider = make_provider(config, scenes)
     least = config.min_box_score

@@ -31,9 +31,14 @@ class Scene:
         self.name = sequence.name
         self.frames, self.num_frames = sequence.frames, sequence.num_frames
 
-    def check(self, poses: bool) -> None:
-        """Reads labels, calibration and, if asked, poses: a bad file is found before any work."""
+    def check(self, poses: bool, scans: bool) -> None:
+        """Reads labels, calibration and, where needed, poses, and looks for scans.
+
+        So a bad file is found before any work.
+        """
         _ = self.objects, self.sequence.calib, self.ego_motions if poses else None
+        if scans:
+            self.sequence.check_scans()
 
     @cached_property
     def _offsets(self) -> np.ndarray:

@@ -1,8 +1,10 @@
-"""Detections: AB3DMOT's files, one per sequence, or the object benchmark's, one per frame."""
+"""Detections: one file per sequence (AB3DMOT's, or KITTI results), or one per frame."""
 
 from __future__ import annotations
 
+import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,13 @@ from kitti.labels import (
     Limit,
     frames_of,
     known_classes,
+    read_results,
     refuse_magnitudes,
     refuse_sizes,
     sorted_by_frame,
 )
 from kitti.objects import Objects
-from kitti.tables import read_table
+from kitti.tables import read_lines, read_table, text_file
 
 DETECTION_COLUMNS = 15
 OBJECT_COLUMNS = (15, 16)
@@ -29,37 +32,52 @@ DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 _FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
 
 
-def read_detection_folder(folder: str | Path, name: str, num_frames: int | None = None) -> Objects:
+def read_detection_folder(
+    folder: str | Path, name: str, num_frames: int | None = None, alone: bool = False
+) -> Objects:
     """The detections of sequence `name` in a folder.
 
-    They are in `folder/NAME.txt`, in AB3DMOT's layout, or in files `000000.txt`, a frame each, in
-    the object benchmark's layout, below `folder/NAME/` or `folder/NAME/data/`.
+    They are in `folder/NAME.txt`, in AB3DMOT's layout or as KITTI results, or in files
+    `000000.txt`, a frame each, in the object benchmark's layout, below `folder/NAME/`,
+    `folder/NAME/data/`, or, where `alone`, `folder/` or `folder/data/`.
+
+    Args:
+        folder: the folder.
+        name: of the sequence, such as 0016.
+        num_frames: frames of the sequence.
+        alone: no other sequence is read from this folder.
 
     Raises:
         InputError: there is neither, or as `read_detections` and `read_object_detections`.
     """
-    path = Path(folder) / f"{name}.txt"
-    if path.exists():
+    path = text_file(Path(folder), name)
+    if os.path.lexists(path):
         return read_detections(path, num_frames)
-    for below in (Path(folder) / name / "data", Path(folder) / name):
-        if below.is_dir() and any(_FRAME_FILE.fullmatch(file.name) for file in below.iterdir()):
-            return read_object_detections(below, num_frames)
+    for parent in (Path(folder) / name, *([Path(folder)] if alone else [])):
+        for below in (parent / "data", parent):
+            if below.is_dir() and any(_FRAME_FILE.fullmatch(file.name) for file in below.iterdir()):
+                return read_object_detections(below, num_frames)
     raise InputError(
-        f"expected {name}.txt (AB3DMOT's layout) or {name}/000000.txt and so on (the object "
-        "benchmark's layout)",
+        f"expected {name}.txt (AB3DMOT's layout or KITTI results) or {name}/000000.txt and so on "
+        "(the object benchmark's layout)",
         folder,
     )
 
 
 def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
-    """Reads detections in AB3DMOT's layout; empty means none.
+    """Reads detections in AB3DMOT's layout, or those of a KITTI result file; empty means none.
 
-    Columns, separated by commas: frame, type number, x1, y1, x2, y2, score, h, w, l, x, y, z,
-    ry, alpha. Track ids are -1.
+    AB3DMOT's columns, separated by commas: frame, type number, x1, y1, x2, y2, score, h, w, l, x,
+    y, z, ry, alpha. A file without commas is read as KITTI results. Track ids are -1.
 
     Raises:
         InputError: as `kitti.labels.read_labels`.
     """
+    lines = read_lines(path)
+    if not any("," in line for line in lines) and any(len(line.split()) > 1 for line in lines):
+        rows = read_results(path, num_frames, tracked=False)
+        boxed = (rows.type != "DontCare") & ~np.isnan(rows.boxes).any(axis=1)
+        return replace(rows[boxed], track_id=np.full(int(boxed.sum()), -1))
     table = read_table(path, (DETECTION_COLUMNS,), ",")
     frame = frames_of(table, num_frames)
     number = table.integers(1, "type number")

@@ -70,27 +70,29 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
     return _objects(table, num_frames)
 
 
-def read_results(path: str | Path, num_frames: int | None = None) -> Objects:
+def read_results(path: str | Path, num_frames: int | None = None, tracked: bool = True) -> Objects:
     """Reads a tracker's result file: label columns and a score; empty means no tracks.
 
     A file whose rows all lack the score is read too (the devkit allows it): scores are NaN.
-    Rows of 2-D trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box.
+    Rows of 2-D trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids have to be
+    there and unique in their frame, unless `tracked` is False (detections).
 
     Raises:
         InputError: as `read_labels`.
     """
     widths = (LABEL_COLUMNS, RESULT_COLUMNS)
-    return _objects(read_table(path, widths, text_column=TYPE_COLUMN), num_frames)
+    return _objects(read_table(path, widths, text_column=TYPE_COLUMN), num_frames, tracked)
 
 
-def _objects(table: Table, num_frames: int | None) -> Objects:
+def _objects(table: Table, num_frames: int | None, tracked: bool = True) -> Objects:
     frame, track_id = frames_of(table, num_frames), table.integers(1, "track id", bits=64)
     kind = known_classes(table, 2)
     occlusion = table.integers(4, "occlusion state")
     truncation = table.numbers(3, 4)[:, 0]
     values = table.numbers(5, table.width)
     cared_for = kind != "DontCare"
-    table.refuse(cared_for & (track_id < 0), "column 2: expected a track id >= 0")
+    if tracked:
+        table.refuse(cared_for & (track_id < 0), "column 2: expected a track id >= 0")
     has_box = cared_for & ~(values[:, 5:12] == _NO_BOX_RESULT).all(axis=1)
     refuse_sizes(table, values[:, 5:8], has_box, "columns 11-13")
     scored = values.shape[1] == RESULT_COLUMNS - 5
@@ -99,7 +101,8 @@ def _objects(table: Table, num_frames: int | None) -> Objects:
     table.refuse(
         (values[:, 3:5] < values[:, 1:3]).any(axis=1), "columns 7-10: expected x1 <= x2, y1 <= y2"
     )
-    track_id = _unique_ids(table, frame, kind, track_id)
+    if tracked:
+        track_id = _unique_ids(table, frame, kind, track_id)
     boxes = level_from_camera(*values[:, 5:12].T)
     boxes[~has_box] = np.nan
     return sorted_by_frame(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def find_seqmap(data_root: str | Path, subset: str) -> Path | None:
     for folder in (Path(data_root) / subset, Path(data_root)):
         for ending in _ENDINGS[subset]:
             path = folder / (SEQMAP + ending)
-            if path.is_file():
+            if os.path.lexists(path):
                 return path
     return None
 

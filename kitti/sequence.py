@@ -15,11 +15,11 @@ from common.notes import note
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
 from kitti.camera_view import image_size_of, in_camera_view
 from kitti.detections import read_detection_folder
-from kitti.labels import MAX_FRAMES, Limit, read_labels, read_results
+from kitti.labels import MAX_FRAMES, MAX_NUMBER, Limit, read_labels, read_results
 from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan
 from kitti.seqmap import check_subset, find_seqmap, frames_in_seqmap, sequence_name
-from kitti.tables import read_table
+from kitti.tables import read_table, text_file
 
 
 class KittiSequence:
@@ -54,8 +54,8 @@ class KittiSequence:
 
     @property
     def label_path(self) -> Path:
-        """Where the labels are due."""
-        return self.folder / "label_02" / f"{self.name}.txt"
+        """Where the labels are due (a file `.txt.gz` is taken too)."""
+        return text_file(self.folder / "label_02", self.name)
 
     @cached_property
     def _seqmap_frames(self) -> range | None:
@@ -67,7 +67,7 @@ class KittiSequence:
         if self._seqmap_frames is not None:
             return self._seqmap_frames
         if self.subset == "training":
-            return range(int(self.objects.frame[-1]) + 1)
+            return range(self._labelled_frames)
         numbers = [
             int(path.stem)
             for path in self._scan_folder.glob("*.bin")
@@ -83,6 +83,17 @@ class KittiSequence:
                 self._scan_folder,
             )
         return range(max(numbers) + 1)
+
+    @property
+    def _labelled_frames(self) -> int:
+        """Frames up to the last labelled one; notes a scan that comes after it."""
+        last = int(self.objects.frame[-1])
+        if self.has_scan(last + 1):
+            note(
+                f"{self.label_path}: the labels end at frame {last}, the scans do not; those after "
+                "it are left out (a seqmap sets the frames, see docs/DATA.md)"
+            )
+        return last + 1
 
     @property
     def num_frames(self) -> int:
@@ -112,9 +123,16 @@ class KittiSequence:
         """A tracker's result file of this sequence, see `kitti.labels.read_results`."""
         return self._in_frames(read_results(path, self._limit), path)
 
-    def read_detections(self, folder: str | Path) -> Objects:
+    def read_detections(self, folder: str | Path, alone: bool = False) -> Objects:
         """The sequence's detections in a folder, see `kitti.detections.read_detection_folder`."""
-        return self._in_frames(read_detection_folder(folder, self.name, self._limit), folder)
+        return self._in_frames(read_detection_folder(folder, self.name, self._limit, alone), folder)
+
+    def check_scans(self) -> None:
+        """Raises InputError if no frame has a scan: a wrong folder, or files of other names."""
+        if not any(map(self.has_scan, self.frames)):
+            last = self.frames.stop - 1
+            expected = f"{self.frames.start:06d}.bin to {last:06d}.bin"
+            raise InputError(f"expected scans such as {expected}, found none", self._scan_folder)
 
     @property
     def _limit(self) -> Limit:
@@ -191,6 +209,8 @@ class KittiSequence:
         poses = np.tile(np.eye(4), (len(table), 1, 1))
         poses[:, :3] = table.numbers(0, 12).reshape(-1, 3, 4)
         table.refuse(~is_rotation(poses[:, :3, :3]), "its 3x3 block is not a rotation")
+        far = (np.abs(poses[:, :3, 3]) > MAX_NUMBER).any(axis=1)
+        table.refuse(far, f"expected a position within {MAX_NUMBER:.0e} metres")
         return turn @ poses @ turn.T
 
 

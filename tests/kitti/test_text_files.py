@@ -1,0 +1,124 @@
+"""Text files of other systems and other layouts: encodings, gzip, detections of one sequence."""
+
+import gzip
+import os
+
+import numpy as np
+import pytest
+from kitti_rows import label_row
+
+from common.errors import InputError
+from kitti.labels import read_labels
+from kitti.sequence import KittiSequence
+
+TEXT = "".join(label_row(t, i) + "\n" for t in range(4) for i in (0, 1))
+RESULT = "{} {} Car -1 -1 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 {}\n"
+OBJECT = "Car -1 -1 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 0.9\n"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        gzip.compress(TEXT.encode()),
+        TEXT.encode("utf-16"),
+        b"\xfe\xff" + TEXT.encode("utf-16-be"),
+        TEXT.encode("utf-8-sig"),
+        gzip.compress(TEXT.replace("\n", "\r\n").encode("utf-16")),
+    ],
+)
+def test_text_is_read_from_gzip_and_utf_16(tmp_path, data):
+    path = tmp_path / "0000.txt"
+    path.write_bytes(data)
+    assert read_labels(path).frame.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (gzip.compress(TEXT.encode())[:-9], "expected plain text: "),
+        (b"\x1f\x8b\x08 no gzip", "expected plain text: "),
+        (gzip.compress(bytes(2**28 + 1)), "expected at most 268435456 bytes of text"),
+        (TEXT.encode("utf-16")[:-1], "expected plain text: .*utf-16"),
+        (TEXT.encode("utf-16-le"), ":1: expected plain text, found byte 0x00"),
+        (TEXT.encode() + b"\0", ":9: expected plain text, found byte 0x00"),
+    ],
+)
+def test_damaged_or_undeclared_text_is_refused(tmp_path, data, message):
+    path = tmp_path / "0000.txt"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=message):
+        read_labels(path)
+
+
+def test_packed_labels_and_detections_are_found_by_name(kitti_folder):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    label = root / "training" / "label_02" / "0000.txt"
+    label.with_name("0000.txt.gz").write_bytes(gzip.compress(label.read_bytes()))
+    label.unlink()
+    assert KittiSequence(root, 0).num_frames == 4
+    (root / "d").mkdir()
+    (root / "d" / "0000.txt.gz").write_bytes(gzip.compress(RESULT.format(2, 7, 0.5).encode()))
+    assert KittiSequence(root, 0).read_detections(root / "d").frame.tolist() == [2]
+
+
+def test_detections_may_be_kitti_results(kitti_folder):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    flat = "2 -1 Car -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10 0.7\n"
+    rows = [RESULT.format(2, -1, 0.5), RESULT.format(2, -1, 0.4), RESULT.format(1, 3, 0.3), flat]
+    (root / "0000.txt").write_text("".join(rows))
+    found = KittiSequence(root, 0).read_detections(root)
+    assert found.frame.tolist() == [1, 2, 2]
+    assert found.score.tolist() == [0.3, 0.5, 0.4]
+    assert found.track_id.tolist() == [-1, -1, -1]
+    np.testing.assert_allclose(found.boxes[0, 3:6], [4.0, 1.6, 1.5])
+    (root / "0000.txt").write_text(RESULT.format(4, -1, 0.5))
+    with pytest.raises(InputError, match=r"0000\.txt:1: .*frame beyond the sequence"):
+        KittiSequence(root, 0).read_detections(root)
+
+
+@pytest.mark.parametrize("below", ["flat", "flat/data"])
+def test_files_per_frame_of_a_single_sequence(kitti_folder, below):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    (root / below).mkdir(parents=True)
+    (root / below / "000002.txt").write_text(OBJECT)
+    found = KittiSequence(root, 0).read_detections(root / "flat", alone=True)
+    assert found.frame.tolist() == [2]
+    with pytest.raises(InputError, match=r"expected 0000\.txt"):
+        KittiSequence(root, 0).read_detections(root / "flat")
+
+
+@pytest.mark.parametrize("name", ["0000.txt", "evaluate_tracking.seqmap"])
+def test_names_that_cannot_be_read_are_not_passed_over(kitti_folder, name):
+    root = kitti_folder([label_row(0, 0)])
+    for make, message in (
+        (lambda path: path.symlink_to(path.name), "Too many levels of symbolic links"),
+        (os.mkfifo, "found a pipe"),
+        (os.mkdir, "found a directory"),
+    ):
+        path = root / name
+        make(path)
+        with pytest.raises(InputError, match=message):
+            KittiSequence(root, 0).read_detections(root)
+        path.rmdir() if path.is_dir() else path.unlink()
+
+
+def test_scans_after_the_last_label_are_noted(kitti_folder, capsys):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    scans = root / "training" / "velodyne" / "0000"
+    scans.mkdir(parents=True)
+    with pytest.raises(InputError, match=r"0000: expected scans such as 000000\.bin to 000003\.b"):
+        KittiSequence(root, 0).check_scans()
+    (scans / "000003.bin").touch()
+    KittiSequence(root, 0).check_scans()
+    assert "the labels end" not in capsys.readouterr().err
+    (scans / "000004.bin").touch()
+    assert KittiSequence(root, 0).num_frames == 4
+    assert "the labels end at frame 3, the scans do not" in capsys.readouterr().err
+
+
+def test_positions_beyond_reason_are_refused(kitti_folder):
+    root = kitti_folder([label_row(0, 0)])
+    (root / "poses").mkdir()
+    (root / "poses" / "0000.txt").write_text("1 0 0 1e300 0 1 0 0 0 0 1 0\n")
+    with pytest.raises(InputError, match=r"0000\.txt:1: expected a position within 1e\+07 metres"):
+        assert KittiSequence(root, 0).poses is not None
