@@ -84,6 +84,15 @@ class Tracker:
         """Least score of a box."""
         return self._stream.network.min_score
 
+    @property
+    def seen(self) -> np.ndarray:
+        """(N, 4) float32 points that the detector saw of the last scan, level frame, metres, and
+        their foreground probability; no rows before the first scan."""
+        state = self._stream.state
+        if state is None:
+            return np.zeros((0, 4), np.float32)
+        return np.column_stack([state.sampled, state.probability])
+
     def points_level(self, scan: np.ndarray) -> np.ndarray:
         """(n, >=3) scan, Velodyne frame, metres -> (m, 3) float32 level frame, camera crop."""
         points = self.calib.velo_to_level(scan[:, :3])

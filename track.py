@@ -4,8 +4,8 @@
 
 Scans are KITTI's .bin files (x, y, z, intensity as float32; x ahead, y left, z up in metres), or
 .npy, .pcd, .ply; docs/DATA.md describes other layouts. `--out` gets NAME.txt, a KITTI result file
-(or --format csv, jsonl), and three pictures. Objects are found where the camera of the calibration
-looks: the networks were trained on its view.
+(or --format csv, jsonl), three pictures, and scene.html, the drive in 3-D for a browser. Objects
+are found where the camera of the calibration looks: the networks were trained on its view.
 """
 
 from __future__ import annotations
@@ -82,29 +82,35 @@ class Scans:
             )
 
 
-def track_scans(tracker, scans: Scans, each_frame: Callable[[], None] = lambda: None) -> Objects:
+def track_scans(
+    tracker, scans: Scans, each_frame: Callable[[int], None] = lambda frame: None
+) -> Objects:
     """Result rows of all frames from the first scan to the last.
 
-    tracker: a `pointtracknet.Tracker`. Raises InputError for a broken scan.
+    tracker: a `pointtracknet.Tracker`; each_frame: called with the frame's number after each.
+    Raises InputError for a broken scan.
     """
     frames = []
     for frame in scans.frames:
         frames.append((frame, tracker.update(scans.points(frame))))
-        each_frame()
+        each_frame(frame)
     return result_rows(frames, tracker.calib, tracker.image_size)
 
 
 def draw(
-    results: Objects, tracker, scans: Scans, name: str, out: Path, max_frames: int
+    results: Objects, tracker, scans: Scans, name: str, out: Path, max_frames: int, seen
 ) -> list[Path]:
-    """Bird's-eye view of the last frame, trajectories and an animation; returns their files."""
+    """Bird's-eye view of the last frame, trajectories, an animation and the 3-D scene.
+
+    seen: `ScenePoints` of the scene. Returns the files written.
+    """
     from visualization.gallery import draw_unlabelled
 
     def points(t: int):
         return tracker.points_level(scans.points(t)) if t in scans.files else None
 
     first, last = scans.frames[0], scans.frames[-1]
-    return draw_unlabelled(name, results, points, first, last, out, max_frames)
+    return draw_unlabelled(name, results, points, first, last, out, max_frames, seen)
 
 
 def make_parser() -> flags.ArgumentParser:
@@ -147,6 +153,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(args.out)
     from pointtracknet import Tracker  # TensorFlow only where the input is in order
     from tf_ops.devices import describe_device
+    from visualization.scene_points import FOREGROUND, ScenePoints
 
     print(describe_device())
     tracker = Tracker.load(args.weights, calib, size, args.score_threshold)
@@ -154,13 +161,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"{seen / max(total, 1):.0%} of the points lie in it")
     print(f"boxes with a score of at least {tracker.score_threshold:.3g}")
     name = args.scans.resolve().name or DEFAULT_NAME
+    seen = ScenePoints(len(scans.frames), FOREGROUND)
     with Progress(len(scans.frames), "tracking", "frames") as bar:
-        results = track_scans(tracker, scans, bar.update)
+
+        def each_frame(frame: int) -> None:
+            seen.put(frame - scans.frames[0], tracker.seen)
+            bar.update()
+
+        results = track_scans(tracker, scans, each_frame)
     for remark in scans.remarks():
         note(remark)
     files = write_tracks(args.out, name, results, formats)
     print(f"{len(np.unique(results.track_id))} tracks in {len(scans)} scans")
-    pictures = draw(results, tracker, scans, name, args.out, args.animation_frames)
+    pictures = draw(results, tracker, scans, name, args.out, args.animation_frames, seen)
     for written in (*files, *pictures):
         print(written)
 

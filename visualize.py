@@ -26,7 +26,7 @@ from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
 from visualization.drawing import save
 from visualization.gallery import draw_network, draw_scene
-from visualization.scene import POINTS_PER_FRAME
+from visualization.scene_points import POINTS_PER_FRAME
 from visualization.trajectories import trajectories
 
 FIGURES = {

@@ -21,6 +21,7 @@ from visualization.network_scene import network_data
 from visualization.sampling import sampling, share_in_boxes
 from visualization.scene import scene_data
 from visualization.scene_page import write_scene
+from visualization.scene_points import FOREGROUND, ScenePoints
 from visualization.trajectories import trajectories
 
 
@@ -73,11 +74,12 @@ def draw_unlabelled(
     last: int,
     folder: Path,
     max_frames: int = 100,
+    seen: ScenePoints | None = None,
 ) -> list[Path]:
     """Fig. 1 and Fig. 6 at the last of the frames first ... last, animation and scene, no truth.
 
-    results, points: as in `Clip`, frames counted as the files are; max_frames: as in `animate`.
-    Returns the files written.
+    results, points: as in `Clip`, frames counted as the files are; max_frames: as in `animate`;
+    seen: the points of the scene, by default those of the pictures. Returns the files written.
     """
     shifted = replace(results, frame=results.frame - first)
     count = last - first + 1
@@ -90,7 +92,7 @@ def draw_unlabelled(
         save(trajectories([clip], [name]), paths[1], dpi=110)
         bar.update()
         animate(clip, paths[2], name, max_frames, bar.update)
-        draw_scene(clip, {"PointTrackNet": shifted}, name, paths[3], first=first)
+        draw_scene(clip, {"PointTrackNet": shifted}, name, paths[3], first=first, points=seen)
         bar.update()
     return paths
 
@@ -111,7 +113,7 @@ def draw_scene(
         from visualization.views import foreground_points  # TensorFlow only where it is needed
 
         clip = replace(clip, points=foreground_points(clip, weights))
-        options["shading"] = "foreground probability"
+        options["shading"] = FOREGROUND
     return write_scene(path, title, scene_data(clip, trackers, **options))
 
 

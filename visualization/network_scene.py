@@ -12,6 +12,7 @@ from visualization.association import Neighborhood
 from visualization.clip import Clip
 from visualization.sampling import Samplings
 from visualization.scene import pack, scene_data
+from visualization.scene_points import FOREGROUND
 
 MIN_FOREGROUND = 0.5  # probability of a point whose association displacement is drawn
 REACH = 3.0  # metres from the centre of a detection to those of its proposals
@@ -62,7 +63,7 @@ def network_data(clip: Clip, frame: NetworkFrame) -> dict[str, Any]:
     data = scene_data(
         still,
         {"detections": frame.detections},
-        shading="foreground probability",
+        shading=FOREGROUND,
         first=frame.t,
         points_per_frame=len(frame.points),
     )

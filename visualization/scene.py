@@ -1,6 +1,6 @@
 """A drive as data of the 3-D scene: points, boxes with ids and speeds, errors per frame.
 
-Letters: F frames, R rows of boxes, n points of a frame.
+Letters: F frames, R rows of boxes.
 """
 
 from __future__ import annotations
@@ -17,15 +17,10 @@ from metrics.clear3d import row_errors
 from metrics.comparison import compare
 from visualization.clip import Clip
 from visualization.drawing import id_color
+from visualization.scene_points import POINTS_PER_FRAME, ScenePoints
 
 PERIOD = 0.1  # seconds between two frames: KITTI's scanner turns ten times a second
-STEP = 0.01  # metres; points are rounded to it, so that a coordinate takes two bytes
-POINTS_PER_FRAME = 8000
-POINTS_IN_ALL = 1_500_000  # 9.3 bytes each in the file
 MATCHED, FALSE_ALARM, SWITCH, NOT_EVALUATED = 0, 1, 2, -1
-DIM = (84, 94, 114)  # RGB of shading 0
-BRIGHT = {"intensity": (236, 241, 250), "foreground probability": (255, 150, 40)}
-"""RGB of shading 1, by what the points' fourth column holds."""
 ID_LIGHTNESS = (0.66, 0.56, 0.74, 0.61)  # bright, for the dark background
 
 
@@ -61,28 +56,6 @@ def speeds(objects: Objects, poses: np.ndarray | None) -> np.ndarray:
             velocity = np.gradient(centres[rows, :2], objects.frame[rows] * PERIOD, axis=0)
             result[rows] = np.linalg.norm(velocity, axis=1)
     return result
-
-
-def thin(points: np.ndarray, limit: int, frame: int) -> np.ndarray:
-    """At most `limit` of the points (n, C), drawn at random with the frame as seed."""
-    if len(points) <= limit:
-        return points
-    rows = np.random.default_rng(frame).choice(len(points), limit, replace=False)
-    return points[np.sort(rows)]
-
-
-def pack_points(points: np.ndarray) -> str:
-    """(n, 3 or 4) points -> base64: xyz as int16 in steps of `STEP`, then shading as uint8.
-
-    The fourth column is the shading, 0 to 1. What lies beyond the range of int16 (327 m) is left
-    out.
-    """
-    steps = np.round(points[:, :3] / STEP)
-    inside = (np.abs(steps) <= np.iinfo(np.int16).max).all(axis=1)
-    shade = points[:, 3] if points.shape[1] > 3 else np.full(len(points), 0.5)
-    shade = np.round(255 * np.clip(shade, 0, 1)).astype(np.uint8)
-    data = steps[inside].astype("<i2").tobytes() + shade[inside].tobytes()
-    return base64.b64encode(data).decode("ascii")
 
 
 def errors_of(
@@ -134,6 +107,7 @@ def scene_data(
     shading: str = "intensity",
     first: int = 0,
     points_per_frame: int = POINTS_PER_FRAME,
+    points: ScenePoints | None = None,
 ) -> dict[str, Any]:
     """The scene, JSON-ready.
 
@@ -144,13 +118,17 @@ def scene_data(
         shading: what the points' fourth column is, a key of `BRIGHT`.
         first: number that the page shows for frame 0.
         points_per_frame: at most so many points of a frame are kept; long drives keep fewer.
+        points: of all frames, shown in place of the clip's.
     """
     trackers = {name: rows[np.isfinite(rows.boxes).all(axis=1)] for name, rows in trackers.items()}
     found = [errors_of(clip.truth, rows, clip.num_frames, min_iou) for rows in trackers.values()]
-    limit = min(points_per_frame, max(1, POINTS_IN_ALL // clip.num_frames))
-    points, notes = _points(clip, limit, shading)
+    if points is None:
+        points = ScenePoints(clip.num_frames, shading, points_per_frame)
+        for t in range(clip.num_frames):
+            points.put(t, clip.points(t))
     speed = "speed" if clip.poses is not None else "speed relative to the sensor"
-    notes += [
+    notes = [
+        f"{points.note()} Rings: every 20 m.",
         f"Labels, where there are any, and tracks in the sensor's level frame; {speed} from "
         f"central differences, {1 / PERIOD:g} frames a second.",
         f"Errors: clear3d of evaluate.py, classes {', '.join(VEHICLES)}, 3-D IoU at least "
@@ -166,7 +144,7 @@ def scene_data(
         "period": PERIOD,
         "speed": speed,
         "poses": poses,
-        "points": points,
+        "points": points.data(),
         "labels": labels if len(clip.truth) else None,
         "trackers": [
             pack_boxes(name, rows, clip.poses, [status])
@@ -175,27 +153,6 @@ def scene_data(
         "network": None,
         "notes": notes,
     }
-
-
-def _points(clip: Clip, limit: int, shading: str) -> tuple[dict[str, Any], list[str]]:
-    frames, counts = [], []
-    for t in range(clip.num_frames):
-        points = clip.points(t)
-        points = np.zeros((0, 4), np.float32) if points is None else points
-        counts.append(len(points))
-        points = thin(points, limit, t)
-        if points.shape[1] == 3:
-            shading = "one shade"
-        elif shading == "intensity":  # most of a scan is dark: its square root tells more apart
-            points = np.column_stack([points[:, :3], np.sqrt(np.abs(points[:, 3]))])
-        frames.append(pack_points(points))
-    most = max(counts)
-    kept = f"{limit} of up to {most}, drawn at random" if most > limit else f"all, up to {most}"
-    shaded = "" if shading == "one shade" else f"; brighter is more {shading}"
-    note = f"Points of a frame: {kept}; rounded to {100 * STEP:g} cm{shaded}. Rings: every 20 m."
-    bright = BRIGHT.get(shading, BRIGHT["intensity"])
-    colors = np.linspace(DIM, bright, 256).round().astype(int).tolist()
-    return {"step": STEP, "frames": frames, "colors": colors, "shading": shading}, [note]
 
 
 def _rgb(color: str) -> tuple[int, ...]:

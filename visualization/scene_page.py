@@ -22,6 +22,12 @@ POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 """What a browser may load: nothing but what is in the file."""
+UNTRACED = """const traced = Error.stackTraceLimit;
+Error.stackTraceLimit = 0;
+{}
+Error.stackTraceLimit = traced;
+"""
+"""For a trace of an error that the library catches as it starts, V8 parses all of it once more."""
 
 
 def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:
@@ -58,7 +64,7 @@ def deck_gl() -> str:
     bundle = resources.files("pydeck") / "nbextension" / "static" / "index.js"
     text = bundle.read_text(encoding="utf-8")
     text = re.sub(r"//# sourceMappingURL=\S+", "", text)
-    return text.replace("</script", "<\\/script")
+    return UNTRACED.format(text.replace("</script", "<\\/script"))
 
 
 def web_file(name: str) -> str:

@@ -14,15 +14,13 @@ from visualization.clip import Clip
 from visualization.scene import (
     FALSE_ALARM,
     NOT_EVALUATED,
-    STEP,
     SWITCH,
-    pack_points,
     scene_data,
     speeds,
-    thin,
     tracks_of,
 )
 from visualization.scene_page import deck_gl, scene_page, write_scene
+from visualization.scene_points import STEP, pack_points, thin
 
 FRAMES = 5
 SIZES = {"int8": 1, "uint8": 1, "int32": 4, "float32": 4}

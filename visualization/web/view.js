@@ -1,6 +1,7 @@
 // State, cameras and panel. `scene` is what a console or a test can call.
 "use strict";
 const AHEAD = 24;  // metres; where the camera behind the car looks
+const NARROW = 800;  // pixels; narrower windows open without the panel
 const LENS = {orbitAxis: "Z", fovy: 40, near: 0.05, far: 100};
 const state = {
   frame: 0, camera: "behind", split: TRACKERS.length > 1, points: true, labels: Boolean(LABELS),
@@ -120,7 +121,18 @@ function number(parent, text, value, [min, max, step], change) {
   parent.append(element("label", {}, text, shown), input);
 }
 
+// Hides the panel or shows it again; the view takes the room.
+function fold(hidden) {
+  const button = document.getElementById("fold");
+  button.ariaExpanded = String(!hidden);
+  button.textContent = hidden ? "›" : "‹";
+  button.title = hidden ? "show the panel" : "hide the panel";
+}
+
 function buildPanel() {
+  document.getElementById("fold").addEventListener("click", (event) =>
+    fold(event.currentTarget.ariaExpanded === "true"));
+  fold(window.innerWidth < NARROW);
   const panel = document.getElementById("layers"), set = (name) => (on) => { state[name] = on; };
   toggle(panel, "Points", SCENE.points.shading, state.points, set("points"));
   number(panel, "Point size", state.size, [1, 6, 0.5], set("size"));
