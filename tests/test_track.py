@@ -157,6 +157,20 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
     np.testing.assert_allclose([row["length"] for row in rows], results.boxes[:, 3], atol=1e-5)
     for name in ("drive.txt", "birds_eye.png", "trajectories.png", "animation.gif", "scene.html"):
         assert (tmp_path / "out" / name).is_file() and str(tmp_path / "out" / name) in printed
+    page = (tmp_path / "out" / "scene.html").read_text(encoding="utf-8")
+    assert '"shading":"foreground probability"' in page
+
+
+def test_the_points_that_the_detector_saw():
+    network = ScriptedNetwork()
+    tracker = Tracker(network)
+    assert tracker.seen.shape == (0, 4)
+    sampled, probability = scan()[:, :3], scan()[:, 3]
+    found = network.detect(scan(), 0)
+    found.sampled, found.probability = sampled, probability
+    network.detect = lambda points, t: found
+    tracker.update(scan())
+    np.testing.assert_array_equal(tracker.seen, scan())
 
 
 @pytest.mark.parametrize(

@@ -22,12 +22,6 @@ POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 """What a browser may load: nothing but what is in the file."""
-UNTRACED = """const traced = Error.stackTraceLimit;
-Error.stackTraceLimit = 0;
-{}
-Error.stackTraceLimit = traced;
-"""
-"""For a trace of an error that the library catches as it starts, V8 parses all of it once more."""
 
 
 def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:
@@ -64,7 +58,21 @@ def deck_gl() -> str:
     bundle = resources.files("pydeck") / "nbextension" / "static" / "index.js"
     text = bundle.read_text(encoding="utf-8")
     text = re.sub(r"//# sourceMappingURL=\S+", "", text)
-    return UNTRACED.format(text.replace("</script", "<\\/script"))
+    return _parsed_once(text.replace("</script", "<\\/script").rstrip())
+
+
+def _parsed_once(bundle: str) -> str:
+    """The same script in a form that Chromium parses once and not three times.
+
+    A function in brackets is compiled at once, one without is first parsed to find its end. For the
+    trace of an error, even of one that the library catches as it starts, it is parsed once more.
+    """
+    head, tail = "})(globalThis, ", ");"
+    if bundle.count(head) == 1 and bundle.endswith(tail):
+        start, body = bundle.removesuffix(tail).split(head)
+        bundle = f"{start}{head}({body}){tail}"
+    limit = "Error.stackTraceLimit"
+    return f"const traceLimit = {limit};\n{limit} = 0;\n{bundle}\n{limit} = traceLimit;"
 
 
 def web_file(name: str) -> str:

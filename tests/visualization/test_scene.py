@@ -20,7 +20,7 @@ from visualization.scene import (
     tracks_of,
 )
 from visualization.scene_page import deck_gl, scene_page, write_scene
-from visualization.scene_points import STEP, pack_points, thin
+from visualization.scene_points import FOREGROUND, STEP, ScenePoints, pack_points, thin
 
 FRAMES = 5
 SIZES = {"int8": 1, "uint8": 1, "int32": 4, "float32": 4}
@@ -126,6 +126,28 @@ def test_an_id_of_two_classes_in_one_frame_is_two_tracks():
     assert len(np.unique(tracks_of(rows))) == 2
     np.testing.assert_allclose(speeds(rows, None), 8.0)
     assert tracks_of(drive([5, 6])).tolist() == [0, 1] * FRAMES
+
+
+def test_points_may_be_put_in_beforehand(clip):
+    """A drive's points, thinned as they come; the note counts those that came."""
+    kept = ScenePoints(FRAMES, FOREGROUND, 100)
+    for t in range(FRAMES):
+        kept.put(t, points(t))
+    data = scene_data(clip, {}, points=kept)
+    assert data["points"]["shading"] == FOREGROUND
+    scan = points(4)[np.sort(np.random.default_rng(4).choice(300, 100, replace=False))]
+    assert data["points"]["frames"][4] == pack_points(scan)
+    assert data["points"]["frames"][2] == ""
+    assert data["notes"][0].startswith("Points of a frame: 100 of up to 300, drawn at random;")
+    assert "brighter is more foreground probability" in data["notes"][0]
+
+
+def test_the_library_is_parsed_once():
+    """Its function is in brackets, and nothing traces its errors while it starts."""
+    head, tail = deck_gl().splitlines()[:2], deck_gl().splitlines()[-2:]
+    assert head == ["const traceLimit = Error.stackTraceLimit;", "Error.stackTraceLimit = 0;"]
+    assert tail[0].strip() == "}));" and tail[1] == "Error.stackTraceLimit = traceLimit;"
+    assert deck_gl().count("})(globalThis, (function () {") == 1
 
 
 def test_the_page_stands_alone(clip, tmp_path):

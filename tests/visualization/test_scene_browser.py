@@ -67,10 +67,12 @@ def test_slider_hover_and_views(browser, clip, tmp_path):
 
     place = browser.evaluate(
         "(() => { const row = TRACKERS[0].byFrame[4].find((row) => row.id === '77');"
-        "return scene.instance.getViewports()[0].project(Array.from(row.box.slice(0, 3))); })()"
+        "const [x, y] = scene.instance.getViewports()[0].project(Array.from(row.box.slice(0, 3)));"
+        "const view = document.getElementById('view').getBoundingClientRect();"
+        "return [view.left + x, view.top + y]; })()"
     )
     browser.move_mouse(place[0] - 3, place[1])
-    browser.move_mouse(*place[:2])
+    browser.move_mouse(*place)
     tip = "document.querySelector('.deck-tooltip')?.innerText ?? ''"
     browser.wait_for(f"({tip}).includes('id 77')")
     text = browser.evaluate(tip)
@@ -89,6 +91,14 @@ def test_slider_hover_and_views(browser, clip, tmp_path):
         assert np.abs(pixels(browser)[:600] - behind[:600]).mean() > 0.5
     settle(browser, "document.querySelector('#layers input').click()")
     assert browser.evaluate("scene.state.points") is False
+    edges = "['left', 'right'].map((edge) => document.getElementById('{}')" + (
+        ".getBoundingClientRect()[edge])"
+    )
+    panel, view = (browser.evaluate(edges.replace("{}", name)) for name in ("panel", "view"))
+    assert panel[0] == 0 and panel[1] == view[0] < view[1] == 1366  # the panel covers no view
+    settle(browser, "document.getElementById('fold').click()")
+    assert browser.evaluate(edges.replace("{}", "view"))[0] < 50
+    assert browser.evaluate("document.getElementById('settings').offsetWidth") == 0
     assert browser.errors == []
     assert [r for r in browser.requests if not r.startswith(("file:", "data:"))] == []
 
