@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from helpers import tiny_kitti
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -17,3 +18,9 @@ def kitti_root() -> Path:
     if not (path / "training" / "label_02").is_dir():
         pytest.skip(f"real KITTI data not found at {path}; set KITTI_ROOT")
     return path
+
+
+@pytest.fixture(scope="session")
+def tiny_root(tmp_path_factory) -> Path:
+    """A made-up KITTI folder for reading only, see `helpers.tiny_kitti`."""
+    return tiny_kitti.make(tmp_path_factory.mktemp("kitti"))

@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from small_weights import write_weights
+from helpers.small_weights import write_weights
 
 import demo
 from common import flags

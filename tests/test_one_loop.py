@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_weights import write_weights
+from helpers.small_weights import write_weights
 
 import evaluate
 import track

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from documents import PYTHON, commands, documents
-from small_weights import write_weights
+from helpers.documents import PYTHON, commands, documents
+from helpers.small_weights import write_weights
 
 from common import flags
 from common.errors import InputError

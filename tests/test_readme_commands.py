@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from documents import PYTHON, Command, commands
-from network_cases import SMALL_DETECTOR, SMALL_TRACKER
-from small_inputs import config_flags, two_cars
-from small_weights import write_weights
+from helpers import two_cars
+from helpers.config_flags import config_flags
+from helpers.documents import PYTHON, Command, commands
+from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
+from helpers.small_weights import write_weights
 
 from common import flags
 from common.provenance import ROOT
@@ -183,7 +184,7 @@ def _trace_once(monkeypatch):
 @pytest.mark.slow
 def test_commands_on_kitti(tmp_path, monkeypatch, capsys):
     for seq in (0, *range(16, 21)):
-        two_cars().write_sequence(tmp_path / "KITTI", seq, frames=3)
+        two_cars.write_sequence(tmp_path / "KITTI", seq, frames=3)
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
     _trace_once(monkeypatch)
@@ -195,7 +196,7 @@ def test_commands_on_kitti(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_training_commands(tmp_path, monkeypatch, capsys):
-    two_cars().write_sequence(tmp_path / "KITTI", 1, frames=2)
+    two_cars.write_sequence(tmp_path / "KITTI", 1, frames=2)
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
     _run_group(TRAINING, monkeypatch)
@@ -213,7 +214,7 @@ def test_training_commands(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_two_workers_on_one_machine(tmp_path):
     for seq in (0, 16):
-        two_cars().write_sequence(tmp_path / "data" / ("val" if seq else "sim"), seq, frames=3)
+        two_cars.write_sequence(tmp_path / "data" / ("val" if seq else "sim"), seq, frames=3)
     with socket.socket() as one, socket.socket() as two:
         for s in (one, two):
             s.bind(("127.0.0.1", 0))

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_weights import write_weights
+from helpers.small_weights import write_weights
 
 import track
 from common import flags

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import two_cars
+from helpers.small_weights import write_weights
 from PIL import Image
-from small_inputs import two_cars
-from small_weights import write_weights
 
 import visualize
 from common import flags
@@ -21,11 +21,11 @@ FRAMES = 4
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):
     """Sequence 0000 of two cars, and a folder of results that are the truth."""
-    cars = two_cars()
-    folder = cars.write_sequence(tmp_path_factory.mktemp("visualize"), frames=FRAMES)
+    folder = two_cars.write_sequence(tmp_path_factory.mktemp("visualize"), frames=FRAMES)
     bbox = np.tile([0.0, 0, 50, 50], (2, 1))
     rows = [
-        Objects.from_boxes(t, np.arange(2), cars.boxes_at(t), 1.0, bbox=bbox) for t in range(FRAMES)
+        Objects.from_boxes(t, np.arange(2), two_cars.boxes_at(t), 1.0, bbox=bbox)
+        for t in range(FRAMES)
     ]
     write_results(folder / "results" / "0000.txt", Objects.concatenate(rows))
     return folder

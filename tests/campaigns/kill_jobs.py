@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-TRAIN = ROOT / "tests" / "training" / "train_small.py"
+TRAIN = ("-m", "helpers.train_small")
 SIMULATE = ("-m", "simulator", "--split", "val", "--sequences", "1", "--processes", "1")
 FRAMES = ("--frames", "3")
 
@@ -34,12 +33,10 @@ class Job:
 
 def make_inputs(folder: Path) -> None:
     """Writes data sets and weights that the jobs read: `cars`, `kitti`, `weights`."""
-    sys.path[:0] = [str(ROOT / "tests" / part) for part in ("", "models", "evaluation")]
-    import tiny_kitti
-    from small_inputs import two_cars
-    from small_weights import write_weights
+    from helpers import tiny_kitti, two_cars
+    from helpers.small_weights import write_weights
 
-    two_cars().write_sequence(folder / "cars", frames=5)
+    two_cars.write_sequence(folder / "cars", frames=5)
     tiny_kitti.make(folder / "kitti")
     write_weights(folder / "weights")
 
@@ -58,7 +55,7 @@ def _files(folder: Path, *patterns: str) -> Digest:
 def _training(kind: str) -> Callable[[Path, Path], list[str]]:
     def command(inputs: Path, out: Path) -> list[str]:
         resume = ["--resume"] if (out / "config.json").is_file() else []
-        return [str(TRAIN), kind, str(inputs / "cars"), str(out), "--epochs", "2", *resume]
+        return [*TRAIN, kind, str(inputs / "cars"), str(out), "--epochs", "2", *resume]
 
     return command
 

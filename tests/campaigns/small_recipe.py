@@ -18,7 +18,7 @@ def main() -> None:
         "shutil.copy(a, b)"
     )
     stages = [
-        Stage("detector", (str(TRAIN), "detector", data, str(detector), "--epochs", "2"), detector),
+        Stage("detector", (*TRAIN, "detector", data, str(detector), "--epochs", "2"), detector),
         Stage("copy", ("-c", copy, str(detector / "checkpoints/best.npz"), str(work / "weights"))),
     ]
     make_weights(stages, work, work / "out", allow_changes=True)

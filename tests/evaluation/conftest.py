@@ -1,20 +1,11 @@
-"""The made-up KITTI folder, and evaluate.py called as from the command line."""
+"""evaluate.py called as from the command line."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import tiny_kitti
 
 import evaluate
 from common import flags
-
-
-@pytest.fixture(scope="session")
-def tiny_root(tmp_path_factory) -> Path:
-    """A KITTI folder for reading only."""
-    return tiny_kitti.make(tmp_path_factory.mktemp("kitti"))
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-import tiny_kitti
+from helpers import tiny_kitti
 
 ROW = "0 1 Car 0 0 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 0.9"
 

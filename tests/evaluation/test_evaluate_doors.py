@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-import tiny_kitti
+from helpers import tiny_kitti
 
 import evaluate
 from kitti.boxes import camera_from_level

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import tiny_kitti
+from helpers import tiny_kitti
 
 from evaluation.detections import DetectionFiles, LabelBoxes
 from evaluation.scene import Scene

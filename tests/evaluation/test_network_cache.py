@@ -5,8 +5,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-import tiny_kitti
-from small_weights import write_weights
+from helpers import tiny_kitti
+from helpers.small_weights import write_weights
 
 from common.errors import InputError
 from evaluation import network_cache

@@ -4,8 +4,8 @@ import zipfile
 
 import numpy as np
 import pytest
-import tiny_kitti
-from small_weights import write_weights
+from helpers import tiny_kitti
+from helpers.small_weights import write_weights
 
 import evaluate
 from common import flags

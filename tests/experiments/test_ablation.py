@@ -4,9 +4,10 @@ import dataclasses
 import json
 
 import pytest
-from network_cases import SMALL_TRACKER
-from small_inputs import config_flags, two_cars
-from small_weights import write_weights
+from helpers import two_cars
+from helpers.config_flags import config_flags
+from helpers.network_cases import SMALL_TRACKER
+from helpers.small_weights import write_weights
 
 from common import flags
 from common.errors import InputError
@@ -24,7 +25,7 @@ def root(tmp_path_factory):
     """Sequences 0000 and 0001 with three frames each, and a small detector beside them."""
     folder = tmp_path_factory.mktemp("ablation")
     for seq in (0, 1):
-        two_cars().write_sequence(folder, seq, frames=3)
+        two_cars.write_sequence(folder, seq, frames=3)
     write_weights(folder / "weights")
     return folder
 

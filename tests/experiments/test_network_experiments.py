@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
-
-from network_cases import SMALL_DETECTOR, cloud
+import tensorflow as tf
+from helpers.network_cases import SMALL_DETECTOR, cloud, randomize_norms
 
 from experiments.costs import detector_costs, total
 from experiments.evaluate_networks import box_counts, end_point_errors
@@ -23,16 +18,59 @@ from models.detector import Detector, detector_inputs
 from tracking import FrameDetections
 
 
-def parameters(model) -> int:
-    return sum(int(np.prod(v.shape)) for v in model.trainable_variables)
+def layer_pairs(detector: Detector, plain: PlainDetector) -> list:
+    """(LinearNormReLU of the detector, Dense, BatchNormalization) of every layer but FC2."""
+    pairs = []
+
+    def chain(layers, plain_layers):
+        for i, layer in enumerate(layers):
+            pairs.append((layer, *plain_layers[3 * i : 3 * i + 2]))
+
+    for block, layers in zip(detector.set_abstraction, plain.abstraction, strict=True):
+        chain([block.local.first, *block.local.rest.layers], layers)
+    for block, layers, last in zip(detector.set_upconv, plain.pooling, plain.last, strict=True):
+        chain([block.local.first, *block.local.rest.layers], layers)
+        chain([block.last], last)
+    propagation = detector.feature_propagation
+    chain([propagation.first, *propagation.rest.layers], plain.propagation)
+    chain(detector.fc1.layers, plain.fc1)
+    return pairs
 
 
-def test_the_plain_detector_is_the_same_network():
+def copy_weights(detector: Detector, plain: PlainDetector) -> None:
+    for layer, dense, norm in layer_pairs(detector, plain):
+        dense.kernel.assign(tf.concat([kernel.value for kernel in layer.kernels.values()], 0))
+        for name in ("gamma", "beta", "moving_mean", "moving_variance"):
+            getattr(norm, name).assign(getattr(layer.norm, name).value)
+    plain.fc2.set_weights(detector.fc2.get_weights())
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_the_plain_detector_is_the_same_network(training):
+    """The same outputs and gradients from the same weights."""
+    tf.keras.utils.set_random_seed(2)  # no value so near a ReLU's kink that rounding decides
+    detector, plain = Detector(SMALL_DETECTOR), PlainDetector(SMALL_DETECTOR)
+    randomize_norms(detector)
     inputs = detector_inputs(cloud(2, 128), SMALL_DETECTOR)
-    plain = PlainDetector(SMALL_DETECTOR)
-    head = plain(inputs, training=True)
-    assert head.shape == (2, 128, head_channels(SMALL_DETECTOR.box))
-    assert parameters(plain) == parameters(Detector(SMALL_DETECTOR))
+    plain(inputs)  # makes its variables
+    copy_weights(detector, plain)
+    weights = tf.random.normal([2, 128, head_channels(SMALL_DETECTOR.box)], seed=1)
+    with tf.GradientTape(persistent=True) as tape:
+        head, plain_head = detector(inputs, training=training).fc2, plain(inputs, training=training)
+        losses = tf.reduce_sum(weights * head), tf.reduce_sum(weights * plain_head)
+    np.testing.assert_allclose(plain_head, head, rtol=1e-3, atol=1e-4)
+    for layer, dense, norm in layer_pairs(detector, plain):
+        kernels = [kernel.value for kernel in layer.kernels.values()]
+        pairs = [
+            (tf.concat(tape.gradient(losses[0], kernels), 0), dense.kernel),
+            (tape.gradient(losses[0], layer.norm.gamma.value), norm.gamma),
+            (tape.gradient(losses[0], layer.norm.beta.value), norm.beta),
+        ]
+        for expected, variable in pairs:
+            size = float(tf.reduce_max(tf.abs(expected)))
+            assert size > 0, layer.path
+            found = tape.gradient(losses[1], variable.value)
+            np.testing.assert_allclose(found / size, expected / size, atol=1e-4, err_msg=layer.path)
 
 
 def test_floating_point_operations_by_hand():

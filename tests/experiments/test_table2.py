@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from small_weights import write_weights
+from helpers.small_weights import write_weights
 
 from common import flags
 from experiments import table2

@@ -28,30 +28,30 @@ def test_mean_and_sample_spread():
     assert (shown([7], 0), shown([None], 3)) == ("7", "-")
 
 
-def test_a_run_leaves_out_tracks_below_the_threshold(experiment_root):
-    run = Run(experiment_root, (0,), ("Car",), "sort")
+def test_a_run_leaves_out_tracks_below_the_threshold(tiny_root):
+    run = Run(tiny_root, (0,), ("Car",), "sort")
     assert measure(run)["TP"] > 0
     assert measure(replace(run, score_threshold=2.0))["TP"] == 0  # labels have score 1
 
 
-def test_a_run_without_object_shift_needs_no_seeds(experiment_root):
-    base = Run(experiment_root, (0,), ("Car",), "sort")
+def test_a_run_without_object_shift_needs_no_seeds(tiny_root):
+    base = Run(tiny_root, (0,), ("Car",), "sort")
     assert len(over_seeds(base, 5)) == 1
-    moved = Run(experiment_root, (0,), ("Car",), "sort", object_shift=1.0)
+    moved = Run(tiny_root, (0,), ("Car",), "sort", object_shift=1.0)
     assert [run.seed for run in over_seeds(moved, 3)] == [0, 1, 2]
 
 
-def test_held_shifts_leave_a_tracker_as_it_was(experiment_root):
+def test_held_shifts_leave_a_tracker_as_it_was(tiny_root):
     def mota(**displaced):
-        return measure(Run(experiment_root, (0,), ("Car",), "sort", **displaced))["MOTA"]
+        return measure(Run(tiny_root, (0,), ("Car",), "sort", **displaced))["MOTA"]
 
     assert mota(object_shift=2.0, hold=True) == mota()
     assert mota(object_shift=2.0) < mota()
 
 
-def test_table5_has_a_row_of_ours_above_each_of_the_papers(experiment_root, tmp_path):
-    detections = ("--detections", experiment_root / "detections")
-    table5.main(arguments(experiment_root, tmp_path, "--seeds", 2, *detections))
+def test_table5_has_a_row_of_ours_above_each_of_the_papers(tiny_root, tmp_path):
+    detections = ("--detections", tiny_root / "detections")
+    table5.main(arguments(tiny_root, tmp_path, "--seeds", 2, *detections))
     rows = [
         line
         for line in (tmp_path / "table5.md").read_text().splitlines()
@@ -65,25 +65,25 @@ def test_table5_has_a_row_of_ours_above_each_of_the_papers(experiment_root, tmp_
     assert per_seed["sort", 0.0] == 1 and per_seed["sort", 2.0] == 2
 
 
-def test_readings_mark_the_default_once_per_tracker(experiment_root, tmp_path):
-    displacement_readings.main(arguments(experiment_root, tmp_path, "--seeds", 1))
+def test_readings_mark_the_default_once_per_tracker(tiny_root, tmp_path):
+    displacement_readings.main(arguments(tiny_root, tmp_path, "--seeds", 1))
     text = (tmp_path / "displacement_readings.md").read_text()
     assert text.count(" *: ") == len(displacement_readings.TRACKERS)
     assert "held: SORT" in text and "fresh: DEEP_SORT" in text
 
 
-def test_figure5_writes_curve_and_picture(experiment_root, tmp_path):
+def test_figure5_writes_curve_and_picture(tiny_root, tmp_path):
     more = ("--seeds", 1, "--distances", "0,2")
-    figure5.main(arguments(experiment_root, tmp_path, *more))
+    figure5.main(arguments(tiny_root, tmp_path, *more))
     lines = (tmp_path / "figure5.csv").read_text().splitlines()
     assert lines[0] + "\n" == figure5.HEADER and len(lines) == 1 + 3 * 2
     assert "gt_displacement,2,1,1.000000,0.000000" in lines
     assert (tmp_path / "figure5.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_ab3dmot_table_stands_beside_the_published_rows(experiment_root, tmp_path):
-    more = ("--detections", experiment_root / "detections")
-    ab3dmot.main(arguments(experiment_root, tmp_path, *more))
+def test_ab3dmot_table_stands_beside_the_published_rows(tiny_root, tmp_path):
+    more = ("--detections", tiny_root / "detections")
+    ab3dmot.main(arguments(tiny_root, tmp_path, *more))
     text = (tmp_path / "ab3dmot.md").read_text()
     assert "no poses/" in text and "0.8647" in text
     assert text.count("| published, ") == 4

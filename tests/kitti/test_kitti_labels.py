@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.kitti_rows import dont_care_row, label_row
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from kitti_rows import dont_care_row, label_row
 
 from common.errors import InputError
 from kitti.boxes import wrap_angle

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kitti_rows import dont_care_row, label_row
+from helpers.kitti_rows import dont_care_row, label_row
 
 from common.errors import InputError
 from kitti.calibration import LEVEL_FROM_CAMERA

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from kitti_rows import dont_care_row, label_row
+from helpers.kitti_rows import dont_care_row, label_row
 
 from common import flags
 from kitti.stats import main

@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from kitti_rows import label_row
+from helpers.kitti_rows import label_row
 
 from common.errors import InputError
 from kitti.labels import read_labels

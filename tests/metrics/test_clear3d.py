@@ -5,8 +5,8 @@ from dataclasses import replace
 import motmetrics
 import numpy as np
 import pytest
-from devkit_reference import iou
-from metric_cases import random_entry, rows
+from helpers.devkit_reference import iou
+from helpers.metric_cases import random_entry, rows
 
 from kitti.boxes import camera_from_level
 from kitti.labels import Objects

@@ -1,7 +1,7 @@
 """Rows sorted into frames, track scores, thresholds."""
 
 import numpy as np
-from metric_cases import random_entry, rows
+from helpers.metric_cases import random_entry, rows
 
 from kitti.iou import iou_2d
 from metrics.comparison import compare, rows_by_frame, track_scores

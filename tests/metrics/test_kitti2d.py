@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from metric_cases import random_entry, rows
+from helpers.metric_cases import random_entry, rows
 
 from common.errors import InputError
 from kitti.labels import Objects, read_labels, read_results, write_labels, write_results

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from devkit_reference import evaluate, naive_sum, over_recall, read
-from metric_cases import random_entry, rows
+from helpers.devkit_reference import evaluate, naive_sum, over_recall, read
+from helpers.metric_cases import random_entry, rows
 
 from kitti.iou import iou_3d
 from kitti.labels import Objects, read_labels, read_results, write_labels, write_results

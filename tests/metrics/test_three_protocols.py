@@ -1,7 +1,7 @@
 """Where the protocols disagree: one object's story, digits = matched id, 0 = unmatched."""
 
 import pytest
-from metric_cases import one_object
+from helpers.metric_cases import one_object
 
 from metrics.kitti3d import trajectory_counts
 from metrics.protocols import evaluate_protocol

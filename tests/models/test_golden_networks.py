@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR, cloud, randomize_norms, tracker_with
-from plain_networks import detector_head, tracker_displacement
+from helpers.network_cases import SMALL_DETECTOR, cloud, randomize_norms, tracker_with
+from helpers.plain_networks import detector_head, tracker_displacement
 
 from models.checkpoint import named_variables
 from models.detector import Detector, detector_inputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
+from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
 
 from models.box_score import BoxScorer
 from models.detector import Detector, detector_inputs

@@ -7,8 +7,8 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import cloud, randomize_norms
-from plain_networks import linear_norm_relu, local_pointnet
+from helpers.network_cases import cloud, randomize_norms
+from helpers.plain_networks import linear_norm_relu, local_pointnet
 
 from models.association_head import fuse
 from models.config import SetAbstractionConfig, SetUpconvConfig

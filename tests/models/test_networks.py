@@ -7,7 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud, randomize_norms, tracker_with
+from helpers.network_cases import (
+    SMALL_DETECTOR,
+    SMALL_TRACKER,
+    cloud,
+    randomize_norms,
+    tracker_with,
+)
 
 from models.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from small_inputs import two_cars
-from small_weights import write_weights
+from helpers import two_cars
+from helpers.small_weights import write_weights
 
 from models.box_decoding import Detections
 from models.config import DecodingConfig
@@ -37,7 +37,7 @@ def test_the_least_score_is_swept(monkeypatch):
 
 
 def test_from_end_to_end(tmp_path, monkeypatch, capsys):
-    root = two_cars().write_sequence(tmp_path / "data", frames=3)
+    root = two_cars.write_sequence(tmp_path / "data", frames=3)
     weights = write_weights(tmp_path / "weights") / "detector.npz"
     monkeypatch.setattr(module, "TRIALS", {"min_probability": (0.4, 0.5), "doubt": (2.0,)})
     words = ["--data_root", root, "--seqs", "0000", "--every", "2", "--displacement", "1"]

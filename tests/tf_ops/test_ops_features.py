@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import ops_reference as reference
 import pytest
 import tensorflow as tf
+from helpers import ops_reference as reference
 
 from tf_ops import (
     devices,

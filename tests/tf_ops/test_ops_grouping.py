@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import ops_reference as reference
 import pytest
 import tensorflow as tf
+from helpers import ops_reference as reference
 
 from tf_ops import knn_point, query_ball_point, three_nn
 

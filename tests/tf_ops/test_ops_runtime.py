@@ -10,9 +10,9 @@ import threading
 from pathlib import Path
 
 import numpy as np
-import ops_reference as reference
 import pytest
 import tensorflow as tf
+from helpers import ops_reference as reference
 
 import tf_ops
 from tf_ops import loading
@@ -150,7 +150,7 @@ def test_index_ops_have_no_gradient():
 DUMP = """
 import sys
 import numpy as np
-import ops_reference as reference
+from helpers import ops_reference as reference
 import test_ops_runtime as here
 found = {}
 for kind in reference.KINDS:
@@ -164,7 +164,8 @@ np.savez(sys.argv[1], **found)
 @pytest.mark.parametrize("instructions", ["portable", "avx2"])
 def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
     """Kernels for older processors, run in their own process, give the same results."""
-    path = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    folders = ROOT, ROOT / "tests", Path(__file__).parent
+    path = os.pathsep.join(map(str, folders))
     environment = {**os.environ, "TF_OPS_INSTRUCTIONS": instructions, "PYTHONPATH": path}
     out = tmp_path / "found.npz"
     subprocess.run([sys.executable, "-c", DUMP, str(out)], env=environment, check=True)

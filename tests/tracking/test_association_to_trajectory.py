@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from fixed_context import FixedContext
+from helpers.fixed_context import FixedContext
 
 from common.errors import InputError
 from tracking import FrameDetections, make_tracker, track_frame

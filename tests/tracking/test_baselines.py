@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fixed_context import FixedContext
+from helpers.fixed_context import FixedContext
 
 from common.errors import InputError
 from kitti.boxes import transform_boxes

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "models"))
-
-from two_cars import write_sequence
+from helpers.two_cars import write_sequence
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from small_inputs import two_cars
-from small_weights import write_weights
+from helpers import two_cars
+from helpers.small_weights import write_weights
 
 from common.errors import InputError
 from models.box_decoding import Clusters, Proposals
@@ -25,7 +25,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("calibrate")
     write_weights(folder / "weights")
     for seq in (0, 1, 2):
-        two_cars().write_sequence(folder / "data", seq, frames=2)
+        two_cars.write_sequence(folder / "data", seq, frames=2)
     return folder
 
 

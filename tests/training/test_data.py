@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 import pytest
-from two_cars import write_sequence
+from helpers.two_cars import write_sequence
 
 from common.errors import InputError
 from kitti.sequence import KittiSequence

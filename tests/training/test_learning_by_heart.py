@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR, SMALL_TRACKER
+from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
 from kitti.iou import iou_3d
 from kitti.labels import Objects

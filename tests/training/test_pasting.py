@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from network_cases import SMALL_DETECTOR
-from two_cars import GROUND, SIZE, boxes_at, side_points
+from helpers.network_cases import SMALL_DETECTOR
+from helpers.two_cars import GROUND, SIZE, boxes_at, side_points
 
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground

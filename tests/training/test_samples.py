@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from network_cases import SMALL_DETECTOR
-from two_cars import boxes_at, write_sequence
+from helpers.network_cases import SMALL_DETECTOR
+from helpers.two_cars import boxes_at, write_sequence
 
 from kitti.boxes import points_in_boxes
 from kitti.iou import iou_bev

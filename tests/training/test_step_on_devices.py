@@ -7,7 +7,7 @@ from contextlib import contextmanager, nullcontext
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR, SMALL_TRACKER
+from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
 from kitti.sequence import open_sequences
 from models.detector import Detector

@@ -14,12 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR
+from campaigns.kill import ENVIRONMENT
+from helpers.network_cases import SMALL_DETECTOR
 
 import train_det
 import train_track
 from common.errors import InputError
 from common.flags import run as run_script
+from common.provenance import ROOT
 from kitti.sequence import open_sequences
 from models import checkpoint
 from models.detector import Detector
@@ -36,14 +38,13 @@ from training.config import (
 from training.detector_task import DetectorTask
 from training.strategies import make_strategy
 
-SCRIPT = Path(__file__).with_name("train_small.py")
-
 
 def start_process(*arguments, **environment) -> subprocess.Popen:
-    command = [sys.executable, str(SCRIPT), *map(str, arguments)]
+    command = [sys.executable, "-m", "helpers.train_small", *map(str, arguments)]
     return subprocess.Popen(
         command,
-        env={**os.environ, "TF_CPP_MIN_LOG_LEVEL": "2", **environment},
+        cwd=ROOT,
+        env={**os.environ, **ENVIRONMENT, **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pytest
 import tensorflow as tf
-from network_cases import SMALL_DETECTOR
+from helpers.network_cases import SMALL_DETECTOR
 
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig

@@ -2,7 +2,7 @@
 
 import base64
 
-from html_check import check
+from helpers.html_check import check
 from PIL import Image
 
 from visualization.gallery import Picture

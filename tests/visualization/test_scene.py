@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from html_check import check
+from helpers.html_check import check
 
 from kitti.labels import Objects
 from metrics.protocols import Entry, evaluate_protocol

@@ -2,9 +2,9 @@
 
 from io import BytesIO
 
-import chromium
 import numpy as np
 import pytest
+from helpers import chromium
 from PIL import Image
 from test_scene import FRAMES, drive, points
 

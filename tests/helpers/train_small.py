@@ -1,15 +1,11 @@
-"""A small training in a process of its own: train_small.py detector|tracker DATA WORKDIR."""
+"""A small training in its own process: -m helpers.train_small detector|tracker DATA WORKDIR."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import os
-import sys
 from pathlib import Path
-
-ROOT = Path(__file__).resolve().parent.parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "models")]
 
 
 def main() -> None:
@@ -24,8 +20,7 @@ def main() -> None:
     parser.add_argument("--die_after", type=int, help="SIGKILL after this many checkpoints")
     args = parser.parse_args()
 
-    from network_cases import SMALL_DETECTOR, SMALL_TRACKER
-
+    from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
     from kitti.sequence import open_sequences
     from models import checkpoint
     from training import loop

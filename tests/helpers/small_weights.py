@@ -8,9 +8,9 @@ from pathlib import Path
 def write_weights(folder: Path, seed: int = 0) -> Path:
     """Writes detector.npz and tracker.npz; returns the folder. Imports TensorFlow."""
     import keras
-    from network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
     from common.config import to_dict
+    from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
     from models import checkpoint
     from models.detector import Detector
     from models.tracker import TrackingNetwork

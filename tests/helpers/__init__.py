@@ -1,0 +1,1 @@
+"""Inputs, references and small networks that tests share."""
