@@ -26,7 +26,7 @@ from kitti.objects import Objects
 from kitti.scans.point_arrays import MAX_RANGE
 from kitti.scans.scan_files import SUFFIXES, read_points
 from kitti.scans.scan_folder import find_scans
-from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout
+from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, parse_columns
 from kitti.track_files import WRITERS, parse_formats, write_tracks
 
 PROBED_SCANS = 3
@@ -144,7 +144,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Tracks, writes the tracks and the pictures, prints where they are."""
     args = make_parser().parse_args(argv)
     formats = parse_formats(args.format)
-    columns = None if args.scan_columns is None else tuple(args.scan_columns.split(","))
+    columns = None if args.scan_columns is None else parse_columns(args.scan_columns)
     scans = Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))
     calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
     given = None if args.image_size is None else parse_image_size(args.image_size)

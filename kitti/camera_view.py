@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from common.errors import InputError
+from common.notes import note
 from kitti.boxes import IMAGE_SIZE
 from kitti.calibration import Calibration
 
@@ -22,11 +23,21 @@ _KITTI_CAMERAS = (
     (718.8560, 607.1928, 185.2157, 1241, 376),  # 2011_10_03
 )
 _SAME = 5e-5  # of the principal point, in focal lengths: a thirtieth of a pixel of KITTI's
-_NEAR = (25.0, 15.0, 15.0)  # pixels: another camera of KITTI's kind, such as the simulator's
+_NEAR = (25.0, 15.0, 15.0, 25.0)  # pixels: another camera of KITTI's kind, such as the simulator's
 MIN_DEPTH = 0.1
 """Metres in front of the left colour camera from which on a point counts as seen."""
 LEAST_SHARE = 0.005
 """Of the points of a scan; a scanner that looks around has 0.1 to 0.3 in KITTI's view."""
+_EXPECTED = (
+    "expected x ahead, y left, z up in metres (else --scan_columns such as y,-x,z,i and "
+    "--scan_scale) and the calibration of this scanner (--calib, --image_size)"
+)
+_FEW = 1000  # points; fewer say nothing of a scene
+_HIGH = 0.7  # height of a street scene to its wider horizontal side; KITTI's is below 0.2
+_FLAT = 0.3  # spread of the heights of a road to that of what stands on it; KITTI's is 0.1
+_ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
+_NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
+_SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})", re.ASCII)
 
 
@@ -56,14 +67,14 @@ def describe_image_size(
         return calib.size, "S_rect_02 of the calibration"
     if given is not None:
         return given, "--image_size"
-    focal, cx, cy = calib.p2[0, 0], calib.p2[0, 2], calib.p2[1, 2]
+    focal, cx, cy, other = (float(calib.p2[i]) for i in ((0, 0), (0, 2), (1, 2), (1, 1)))
     for f, x, y, width, height in _KITTI_CAMERAS:
-        if abs(cx / focal - x / f) < _SAME and abs(cy / calib.p2[1, 1] - y / f) < _SAME:
+        if abs(cx / focal - x / f) < _SAME and abs(cy / other - y / f) < _SAME:
             scale = focal / f
             size = math.ceil(width * scale - 0.1), math.ceil(height * scale - 0.1)
             return size, "KITTI's camera"
-    first = np.array(_KITTI_CAMERAS[0])
-    if (np.abs(first[:3] - (focal, cx, cy)) < _NEAR).all():
+    f, x, y, *_ = _KITTI_CAMERAS[0]
+    if (np.abs(np.subtract((f, x, y, f), (focal, cx, cy, other))) < _NEAR).all():
         return IMAGE_SIZE, "near KITTI's camera"
     size = round(2 * cx), round(2 * cy)
     if min(size) < 1:
@@ -111,17 +122,45 @@ def check_view(
     """Points in the camera's view and points in all, over (n, >= 3) scans (Velodyne frame, metres).
 
     Raises:
-        InputError: there are points, but hardly any in the view.
+        InputError: there are points, but hardly any in the view, or they are no scene: as high as
+            wide, or above the camera.
     """
     seen = total = 0
     for points in scans:
-        seen += int(in_camera_view(calib.velo_to_level(points[:, :3]), calib, image_size).sum())
-        total += len(points)
+        level = calib.velo_to_level(points[:, :3])
+        inside = in_camera_view(level, calib, image_size)
+        _check_axes(level, level[inside])
+        seen, total = seen + int(inside.sum()), total + len(points)
     if seen < LEAST_SHARE * total:
         raise InputError(
             f"--scans: {seen} of {total} points lie in the camera's view ({image_size[0]} x "
-            f"{image_size[1]} pixels), so nothing can be found: expected x ahead, y left, z up in "
-            "metres (else --scan_columns such as y,-x,z,i and --scan_scale) and the calibration of "
-            "this scanner (--calib, --image_size)"
+            f"{image_size[1]} pixels), so nothing can be found: {_EXPECTED}"
         )
     return seen, total
+
+
+def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
+    """Refuses (n, 3) points that are no street scene with z up, and notes what is unlikely.
+
+    `level` are the points of a scan in the level frame (metres), `inside` those in view.
+    """
+    if len(level) < _FEW:
+        return
+    low, high = np.percentile(level, (5, 95), axis=0)
+    x, y, z = high - low
+    spread = f"the points spread {x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"
+    if z > _HIGH * max(x, y):
+        raise InputError(f"--scans: {spread}: {_EXPECTED}")
+    if low[0] < -1 and y > _SIDEWAYS * x:
+        note(f"{spread}; if y is ahead, give --scan_columns y,-x,z,i")
+    near = inside[inside[:, 0] < _NEAR_ROAD]
+    if len(near) < _FEW:
+        return
+    z5, z30, z70, z95 = np.percentile(near[:, 2], (5, 30, 70, 95))
+    if z95 - z70 < _FLAT * (z30 - z5) and z70 > 0:
+        raise InputError(f"--scans: the flat side of the scene is above the camera: {_EXPECTED}")
+    if z30 - z5 < _FLAT * (z95 - z70) and not _ROAD[0] < z5 < _ROAD[1]:
+        note(
+            f"the road seems to lie {-z5:.1f} m below the camera, in training it was 1.7 m: check "
+            "the unit (--scan_scale) and the mounting (--calib)"
+        )

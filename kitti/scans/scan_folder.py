@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from common.errors import InputError
+from common.notes import note
 from kitti.scans.scan_files import SUFFIXES
 
 MAX_FRAME_NUMBER = 10**6
@@ -22,13 +23,13 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
     """Frame number -> scan, ascending.
 
     Names are numbers of any width (000007, 7, 0000000007), perhaps between a text that is the same
-    in all names (scan_7). They are the frame numbers, and a number that is left out is a frame
-    without a scan. Times (numbers from 10^6 on, or two numbers such as seconds.nanoseconds) are
-    put in order and numbered from 0. Hidden files are passed over.
+    in all names (scan_7, 0016_7). They are the frame numbers, and a number that is left out is a
+    frame without a scan. Times (numbers from 10^6 on, or two numbers such as seconds.nanoseconds)
+    are put in order and numbered from 0. Hidden files are passed over.
 
     Raises:
         InputError: there is no such folder or no scan in it; files of several formats; names that
-            are no numbers, or of several kinds, or the same number twice.
+            are no numbers, or of several kinds or sequences, or the same number twice.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -68,6 +69,7 @@ def _numbered(paths: list[Path]) -> dict[int, Path]:
             raise InputError(f"--scans: {names} have the same number", paths[after].parent)
     largest = keys[order[-1]][0]
     if separators != {None} or largest >= MAX_FRAME_NUMBER:
+        _check_times(paths, matches)
         return {frame: paths[i] for frame, i in enumerate(order)}
     span = largest - keys[order[0]][0] + 1
     if span > MAX_SPAN:
@@ -83,7 +85,7 @@ def _matches(paths: list[Path]) -> list[re.Match[str]]:
     first, last = min(path.stem for path in paths), max(path.stem for path in paths)
     same = (i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
     begin = first[: next(same, len(first))].rstrip("0123456789")
-    begin = begin if re.search(r"[^\d._-]", begin, re.ASCII) else ""
+    begin = begin if _is_label(begin) else ""
     matches = [_NUMBER.fullmatch(path.stem[len(begin) :]) for path in paths]
     for path, match in zip(paths, matches, strict=True):
         if match is None:
@@ -96,6 +98,25 @@ def _matches(paths: list[Path]) -> list[re.Match[str]]:
             names = f"{paths[0].name} and {path.name}"
             raise InputError(f"--scans: expected names of one kind, found {names}", path.parent)
     return matches
+
+
+def _is_label(begin: str) -> bool:
+    """Whether a common beginning is no part of a time: text, or small numbers such as 0000_."""
+    if re.search(r"[^\d._-]", begin, re.ASCII):
+        return True
+    numbers = re.findall(r"\d+", begin, re.ASCII)
+    return begin.endswith(("_", "-")) and all(int(n) < MAX_FRAME_NUMBER for n in numbers)
+
+
+def _check_times(paths: list[Path], matches: list[re.Match[str]]) -> None:
+    """Refuses pairs of small numbers, which are no times, such as sequence_frame; notes times."""
+    numbers = [int(n) for match in matches for n in (match[1], match[3] or 0)]
+    if matches[0][2] in ("_", "-") and max(numbers) < MAX_FRAME_NUMBER:
+        names = f"{paths[0].name} to {paths[-1].name}"
+        raise InputError(
+            f"--scans: {names} are of several sequences, expected those of one", paths[0].parent
+        )
+    note(f"{paths[0].parent}: names are times; they give the order, and gaps are not known")
 
 
 def _key(match: re.Match[str]) -> tuple:

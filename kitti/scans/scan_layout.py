@@ -19,16 +19,19 @@ KITTI_COLUMNS = ("x", "y", "z", "i")
 _CANDIDATES = (
     ("x", "y", "z"),
     KITTI_COLUMNS,
+    ("i", "x", "y", "z"),
     (*KITTI_COLUMNS, "ring"),
+    (*KITTI_COLUMNS, "t"),
     (*KITTI_COLUMNS, "ring", "t"),
+    (*KITTI_COLUMNS, "t", "ring"),
 )
-_DTYPES = ("<f4", "<f8", ">f4")
-_NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4"}
-_MILLIMETRES = "; --scan_scale 0.001 reads millimetres"
+_NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4", ">f8": ">f8"}
+_SCALE = "; --scan_scale "
 _DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])")
+_MILLIMETRES = 4000.0  # the median range of a scan is between 4 and 40 metres
 _FAR = 500.0  # metres; no automotive scanner measures farther
 _MAX_INTENSITY = 65535.0
-_MAX_RING = 255.0
+_MOST = {"i": _MAX_INTENSITY, "ring": 255.0, "t": 2e9}
 _STRAY = 0.01  # share of implausible numbers that a right layout may hold
 _FLAT = 0.6  # of a scene: its height's spread to that of its wider horizontal axis
 
@@ -65,6 +68,12 @@ class ScanLayout:
 KITTI_LAYOUT = ScanLayout()
 
 
+def parse_columns(text: str) -> tuple[str, ...]:
+    """ "X, Y, Z, intensity" -> ("x", "y", "z", "i")."""
+    names = (name.strip().lower() for name in text.split(","))
+    return tuple("i" if name == "intensity" else name for name in names)
+
+
 def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     """The bytes of a `.bin` scan as (n, >= 3): x, y, z in metres, and an intensity if it has one.
 
@@ -89,7 +98,7 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     points = named_columns(numbers, columns, layout.scale)
     seen = "" if given else _implausible(points)
     if seen:
-        hint = "" if seen.endswith(_MILLIMETRES) else _hint(data)
+        hint = "" if _SCALE in seen else _hint(data)
         expected = "expected float32 x,y,z in metres and an intensity"
         raise InputError(f"{expected}, found {seen}{hint}", path)
     return points
@@ -122,7 +131,8 @@ def _implausible(numbers: np.ndarray) -> str:
         far = np.isfinite(size).all(axis=1) & (size > _FAR).any(axis=1)
         if far.mean() > 0.5:
             middle = np.median(np.linalg.norm(xyz[far], axis=1))
-            return f"a median range of {middle:.4g}{_MILLIMETRES}"
+            unit = "0.001 reads millimetres" if middle > _MILLIMETRES else "0.01 reads centimetres"
+            return f"a median range of {middle:.4g}{_SCALE}{unit}"
         known = np.isfinite(intensity)
         outside = known & ((intensity < 0) | (intensity > _MAX_INTENSITY))
     if outside.mean() > _STRAY:
@@ -134,34 +144,36 @@ def _implausible(numbers: np.ndarray) -> str:
 
 
 def _hint(data: bytes) -> str:
-    """The flags of the layout that the bytes are most plausible in."""
+    """The flags of the layout that the bytes are most plausible in: the one with most columns."""
     found = []
-    for dtype in _DTYPES:
-        for columns in _CANDIDATES:
+    for dtype in _NAMES:
+        for rank, columns in enumerate(_CANDIDATES):
             if len(data) % (np.dtype(dtype).itemsize * len(columns)) == 0:
                 numbers = np.frombuffer(data, dtype).reshape(-1, len(columns))
                 with np.errstate(invalid="ignore"):
-                    flatness = _flatness(numbers.astype(np.float64))
+                    flatness = _flatness(numbers.astype(np.float64), columns)
                 if flatness < _FLAT:
-                    found.append((flatness, len(columns), _NAMES[dtype], ",".join(columns)))
+                    found.append((-len(columns), rank, flatness, dtype, ",".join(columns)))
     if not found:
         return "; --scan_columns and --scan_dtype read other layouts"
-    _, _, dtype, columns = min(found)
+    *_, dtype, columns = min(found)
+    dtype = _NAMES[dtype]
     return f"; it looks like {dtype} {columns}: --scan_columns {columns} --scan_dtype {dtype}"
 
 
-def _flatness(numbers: np.ndarray) -> float:
+def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:
     """Spread of z over that of x or y; infinity where the numbers are no plausible scan."""
-    numbers = numbers[np.isfinite(numbers[:, :3]).all(axis=1)]
+    xyz = numbers[:, [columns.index(axis) for axis in "xyz"]]
+    numbers, xyz = (part[np.isfinite(xyz).all(axis=1)] for part in (numbers, xyz))
     if not len(numbers):
         return np.inf
-    size = np.abs(numbers[:, :3])
+    size = np.abs(xyz)
     strange = (size > _FAR) | ((size > 0) & (size < 1e-12))
-    for column, most in zip(numbers.T[3:5], (_MAX_INTENSITY, _MAX_RING), strict=False):
-        if ((column < 0) | (column > most)).mean() > _STRAY:
+    for column, name in zip(numbers.T, columns, strict=True):
+        if name in _MOST and ((column < 0) | (column > _MOST[name])).mean() > _STRAY:
             return np.inf
-    if numbers.shape[1] > 4 and (numbers[:, 4] != np.rint(numbers[:, 4])).any():
-        return np.inf
-    low, high = np.percentile(numbers[:, :3], (5, 95), axis=0)
+        if name == "ring" and (column != np.rint(column)).any():
+            return np.inf
+    low, high = np.percentile(xyz, (5, 95), axis=0)
     width = max(high[:2] - low[:2])
     return (high[2] - low[2]) / width if width > 0 and strange.mean() <= _STRAY else np.inf

@@ -9,7 +9,7 @@ from pypcd4 import Encoding, PointCloud
 
 from common.errors import InputError
 from kitti.scans.scan_files import read_points, write_scan
-from kitti.scans.scan_layout import ScanLayout
+from kitti.scans.scan_layout import ScanLayout, parse_columns
 
 NAMES = ("x", "y", "z", "intensity")
 
@@ -26,6 +26,10 @@ def ring(count: int = 1200) -> np.ndarray:
     return np.random.default_rng(1).integers(0, 64, count)
 
 
+def times(count: int = 1200) -> np.ndarray:
+    return np.linspace(0, 0.1, count)
+
+
 @pytest.mark.parametrize(
     ("numbers", "columns", "dtype"),
     [
@@ -34,6 +38,11 @@ def ring(count: int = 1200) -> np.ndarray:
         (cloud().astype("f8"), "x,y,z,i", "float64"),
         (cloud()[:, :3].astype("f8"), "x,y,z", "float64"),
         (cloud().astype(">f4"), "x,y,z,i", ">f4"),
+        (cloud().astype(">f8"), "x,y,z,i", ">f8"),
+        (cloud()[:, [3, 0, 1, 2]], "i,x,y,z", "float32"),
+        (np.column_stack([cloud(), times()]).astype("f4"), "x,y,z,i,t", "float32"),
+        (np.column_stack([cloud(), ring(), times()]).astype("f4"), "x,y,z,i,ring,t", "float32"),
+        (np.column_stack([cloud(), times(), ring()]).astype("f4"), "x,y,z,i,t,ring", "float32"),
     ],
 )
 def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype):
@@ -59,8 +68,16 @@ def test_millimetres_are_named_and_then_read(tmp_path):
     write_scan(tmp_path / "0.bin", cloud() * np.float32([1000, 1000, 1000, 1]))
     with pytest.raises(InputError, match=r"a median range of .*; --scan_scale 0\.001 reads mill"):
         read_points(tmp_path / "0.bin")
+    write_scan(tmp_path / "1.bin", cloud() * np.float32([100, 100, 100, 1]))
+    with pytest.raises(InputError, match=r"a median range of .*; --scan_scale 0\.01 reads centi"):
+        read_points(tmp_path / "1.bin")
     points, _ = read_points(tmp_path / "0.bin", ScanLayout(scale=0.001))
     np.testing.assert_allclose(points, cloud(), rtol=1e-6)
+
+
+def test_columns_are_named_in_any_case():
+    assert parse_columns("X, Y, Z, Intensity") == ("x", "y", "z", "i")
+    assert parse_columns("y,-x,z") == ("y", "-x", "z")
 
 
 def test_axes_are_put_in_order(tmp_path):

@@ -25,6 +25,9 @@ def frames(folder, names):
         (["1317617735.9.bin", "1317617735.25.bin"], [1, 0]),
         (["99_900000000.bin", "100_5.bin"], [0, 1]),
         (["5.BIN", "10.BIN"], [5, 10]),
+        (["0016_000000.bin", "0016_000003.bin"], [0, 3]),
+        (["2011-09-26-0000000007.bin", "2011-09-26-0000000010.bin"], [7, 10]),
+        (["1317617735_250000000.bin", "1317617735_350000000.bin"], [0, 1]),
     ],
 )
 def test_order_is_by_number(tmp_path, names, numbers):
@@ -46,8 +49,14 @@ def test_order_is_by_number(tmp_path, names, numbers):
         (["\u0663.bin", "\u0664.bin"], "expected names that are numbers"),
         (["12.900000000.bin", "12.5.bin"], "expected 9 digits after the point"),
         ([".000003.bin"], "found no .bin file"),
+        (["0000_000001.bin", "0001_000000.bin"], "0001_000000.bin are of several sequences"),
     ],
 )
 def test_names_without_an_order_are_refused(tmp_path, names, message):
     with pytest.raises(InputError, match=message):
         frames(tmp_path, names)
+
+
+def test_times_are_noted(tmp_path, capsys):
+    frames(tmp_path, ["1317617735.25.bin", "1317617735.9.bin"])
+    assert f"note: {tmp_path}: names are times; they give the order" in capsys.readouterr().err

@@ -1,0 +1,76 @@
+"""What a scan in another axis order, unit or mounting looks like: refused, or said."""
+
+import numpy as np
+import pytest
+
+from common.errors import InputError
+from common.notes import note
+from kitti.calibration import standard_mounting
+from kitti.camera_view import check_view, describe_image_size
+
+SIZE = (1242, 375)
+
+
+def street(count: int = 20_000) -> np.ndarray:
+    """(n, 3): a road 1.73 m below the scanner, and walls and cars beside it."""
+    rng = np.random.default_rng(0)
+    x = rng.choice((-1, 1), count) * rng.gamma(2, 10, count)
+    road = rng.random(count) < 0.6
+    y = np.where(road, rng.uniform(-6, 6, count), rng.choice((-1, 1), count) * 7.0)
+    z = np.where(road, rng.normal(-1.73, 0.02, count), rng.uniform(-1.7, 1.5, count))
+    return np.column_stack([x, y, z])
+
+
+@pytest.fixture(autouse=True)
+def _no_earlier_notes():
+    note.cache_clear()
+
+
+def check(points: np.ndarray) -> tuple[int, int]:
+    return check_view([points], standard_mounting(), SIZE)
+
+
+def test_a_street_is_taken_without_a_word(capsys):
+    seen, total = check(street())
+    assert 0.2 < seen / total < 0.6
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("order", "signs", "message"),
+    [
+        (
+            (1, 2, 0),
+            (-1, -1, 1),
+            r"the points spread .* and .* m upwards: expected x ahead",
+        ),
+        ((2, 1, 0), (1, 1, 1), r"the points spread .* and .* m upwards"),
+        ((0, 1, 2), (1, -1, -1), r"flat side of the scene is above the camera: expected .* z up"),
+    ],
+)
+def test_a_scene_that_does_not_lie_is_refused(order, signs, message):
+    with pytest.raises(InputError, match=message):
+        check(street()[:, order] * signs)
+
+
+def test_a_scene_turned_sideways_or_in_another_unit_is_noted(capsys):
+    check(street()[:, [1, 0, 2]])
+    assert "if y is ahead, give --scan_columns y,-x,z,i" in capsys.readouterr().err
+    check(street() * 3.28)
+    assert "the road seems to lie 5." in capsys.readouterr().err
+
+
+def test_few_points_or_no_scene_are_not_judged(capsys):
+    rng = np.random.default_rng(0)
+    check(rng.uniform((5, -5, -1), (40, 5, 1.5), (5000, 3)))
+    check(rng.uniform((5, -5, -30), (10, 5, 30), (900, 3)))
+    assert capsys.readouterr().err == ""
+
+
+def test_other_pixels_upwards_are_another_camera():
+    calib = standard_mounting()
+    assert describe_image_size(calib) == (SIZE, "KITTI's camera")
+    p2 = calib.p2.copy()
+    p2[1, 1] /= 2
+    other = type(calib)(p2, calib.r0_rect, calib.tr_velo_to_cam)
+    assert describe_image_size(other) == ((1219, 346), "twice the principal point of P2")
