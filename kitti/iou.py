@@ -5,8 +5,6 @@ Areas of turned boxes come from shapely, over pairs that can overlap alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import shapely
 
@@ -22,12 +20,11 @@ def iou_3d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     Boxes with NaN overlap nothing.
     """
-    return _matrix(a, b, iou_3d_pairs)
-
-
-def iou_bev(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Intersection over union seen from above: (M, 7), (K, 7) -> (M, K) float64 in [0, 1]."""
-    return _matrix(a, b, iou_bev_pairs)
+    a, b = _boxes(a), _boxes(b)
+    iou = np.zeros((len(a), len(b)))
+    rows, columns = np.nonzero(_near(a[:, None], b[None]))
+    iou[rows, columns] = iou_3d_pairs(a[rows], b[columns])
+    return iou
 
 
 def giou_3d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -80,17 +77,6 @@ def _boxes(boxes: np.ndarray) -> np.ndarray:
     return np.asarray(boxes, np.float64).reshape(-1, 7)
 
 
-def _matrix(
-    a: np.ndarray, b: np.ndarray, pairs: Callable[[np.ndarray, np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """(M, K) values of `pairs`, computed only where the circles around both boxes meet."""
-    a, b = _boxes(a), _boxes(b)
-    values = np.zeros((len(a), len(b)))
-    rows, columns = np.nonzero(_near(a[:, None], b[None]))
-    values[rows, columns] = pairs(a[rows], b[columns])
-    return values
-
-
 def _near(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Whether the circles around both boxes, seen from above, meet; False with NaN."""
     reach = np.hypot(a[..., 3], a[..., 4]) + np.hypot(b[..., 3], b[..., 4])
@@ -115,7 +101,7 @@ def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     GEOS (seen with 3.14.1) finds no intersection at all for up to one in 100 pairs whose edges lie
     on the same lines up to rounding. With coordinates snapped to a fine grid it does, so pairs
-    without an intersection are asked again in that way.
+    without an intersection are computed again in that way.
     """
     if not len(a):
         return np.zeros(0)
@@ -128,7 +114,7 @@ def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """part / whole, 0 where whole is not above 0; rounding can not bring it above 1."""
+    """part / whole, 0 where whole is not above 0; at most 1, whatever the rounding."""
     good = whole > 0
     return np.where(good, np.minimum(part / np.where(good, whole, 1.0), 1.0), 0.0)
 

@@ -1,10 +1,11 @@
 """Overlap seen from above against exact areas."""
 
 import numpy as np
+from helpers.overlap import iou_bev
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kitti.iou import footprints_overlap, iou_bev
+from kitti.iou import footprints_overlap
 
 CAR = np.array([20.0, 0, 0, 4, 2, 1.5, 0.3])
 

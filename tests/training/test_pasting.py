@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.network_cases import SMALL_DETECTOR
+from helpers.overlap import iou_bev
 from helpers.two_cars import GROUND, SIZE, boxes_at, side_points
 
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
-from kitti.iou import iou_bev
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig
 from training.sampling.frames import LabelledFrame, read_frame

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers.network_cases import SMALL_DETECTOR
+from helpers.overlap import iou_bev
 from helpers.two_cars import boxes_at, write_sequence
 
 from kitti.boxes import points_in_boxes
-from kitti.iou import iou_bev
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
 from kitti.sequence import open_sequences
