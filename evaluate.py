@@ -2,7 +2,7 @@
 
     python evaluate.py --data_root KITTI --seqs 0016-0020 --tracker sort --out results/sort
 
-Runs a tracker on labelled or detected boxes (or takes somebody's result files, --results) and
+Runs a tracker on labelled or detected boxes (or evaluates given result files, --results) and
 evaluates it. `--out` gets tracks/00XX.txt, table.md and metrics.json; with `--subset testing` also
 submission.zip for the KITTI server.
 """

@@ -35,11 +35,11 @@ class Tracker:
 
     Args:
         network: both networks.
-        calib: how the scanner is mounted and what the camera sees; by default
+        calib: mounting of the scanner and view of the camera; by default
             `kitti.calibration.standard_mounting`. The networks take the points in the
             camera's view, as in training.
         image_size: width and height of the camera's image in pixels, where the calibration does
-            not say it (see `kitti.camera_view.image_size_of`).
+            not hold it (see `kitti.camera_view.image_size_of`).
         parameters: fields of `tracking.association_to_trajectory.AssociationParameters`.
     """
 

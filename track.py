@@ -118,7 +118,7 @@ def make_parser() -> flags.ArgumentParser:
     parser = flags.ArgumentParser(description=__doc__.split("\n")[0])
     add = parser.add_argument
     add("--scans", type=Path, required=True, help=f"folder of scans ({' '.join(SUFFIXES)})")
-    add("--out", type=Path, required=True, help="folder for what is written")
+    add("--out", type=Path, required=True, help="output folder")
     add("--calib", type=Path, help="calibration in KITTI's layout (default: KITTI's mounting)")
     add("--image_size", help="of the camera, such as 1242x375 (default: from the calibration)")
     add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")

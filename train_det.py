@@ -17,8 +17,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = parser("Train PointTrackNet's detector.", DetectorTrainingConfig()).parse_args(argv)
     config = configured(flags, DetectorTrainingConfig())
     from training.detector_task import DetectorTask
+    from visualization.training_pictures import detector_picture
 
-    return train(flags, DetectorTask, config)
+    return train(flags, DetectorTask, config, detector_picture)
 
 
 if __name__ == "__main__":

@@ -25,11 +25,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     config = configured(flags, TrackerTrainingConfig())
     from models.weights import load_detector
     from training.tracker_task import TrackerTask
+    from visualization.training_pictures import tracker_picture
 
     def task(config, training, validation):
         return TrackerTask(config, load_detector(flags.detector), training, validation)
 
-    return train(flags, task, config)
+    return train(flags, task, config, tracker_picture)
 
 
 if __name__ == "__main__":

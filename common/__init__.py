@@ -1,1 +1,1 @@
-"""What every script needs: input errors, atomic files, progress, command-line flags, provenance."""
+"""Input errors, atomic files, progress, command-line flags, provenance."""

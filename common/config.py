@@ -20,7 +20,7 @@ from common.errors import InputError
 T = TypeVar("T")
 
 MAX_ITEMS = 64
-"""Of a tuple of any length, unless its field says otherwise."""
+"""Of a tuple of any length, unless its field has its own bound."""
 _MAX_INT, _MAX_FLOAT = 2**53, 1e15
 
 
@@ -48,7 +48,7 @@ def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
     default it is an error.
 
     Raises:
-        InputError: names the field, what was found and what was expected.
+        InputError: names the field, the value found and the value expected.
     """
     return convert(cls, values, cls.__name__, path)
 

@@ -89,7 +89,7 @@ def from_flags(config: type[T] | T, flags: argparse.Namespace) -> T:
 
 
 def _merged(config: Any, given: dict[str, Any], values: Any, prefix: str) -> Any:
-    """Values of the fields as in a dictionary; what is no dictionary is left to `convert`."""
+    """Values of the fields as in a dictionary; other values are left to `convert`."""
     if not isinstance(values, dict):
         return values
     merged = dict(values)

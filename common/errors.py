@@ -1,4 +1,4 @@
-"""The one exception for input that is not what it should be."""
+"""The exception for invalid user input."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 class InputError(ValueError):
-    """Input from outside (file, flag, checkpoint) is not what was expected.
+    """Invalid user input: a file, a flag, a checkpoint.
 
     Args:
-        message: what was found and what was expected, in one line.
+        message: the value found and the value expected, in one line.
         path: the file at fault, if there is one.
         line: 1-based line number in `path`, if there is one.
 

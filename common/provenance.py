@@ -1,4 +1,4 @@
-"""What made a figure: command, config, seed, data, software versions and git commit."""
+"""Provenance of a result: command, config, seed, data, software versions and git commit."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def provenance(**details: Any) -> dict[str, Any]:
 
 
 def _processor(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
-    """The processor's model, or what `platform` knows where Linux's list is missing."""
+    """The processor's model, or that of `platform` where Linux's list is missing."""
     try:
         lines = cpu_info.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

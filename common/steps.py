@@ -1,4 +1,4 @@
-"""Steps of a long job that are skipped where they are done: what they depend on has not changed."""
+"""Steps of a long job; a finished step is skipped while its inputs are unchanged."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ class EvaluateConfig:
 
     @property
     def needs_network(self) -> bool:
-        """Whether the networks run: for their boxes or for their displacement."""
+        """True if the networks run, for their boxes or for their displacement."""
         return self.results is None and (
             self.detections == NETWORK or self.tracker in PREDICTED_MOTION
         )

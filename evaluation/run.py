@@ -45,7 +45,7 @@ def evaluate(
     """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
 
     Args:
-        config: what to do.
+        config: validated settings.
         shift: in place of the default reading of the paper, `config.shift`.
         provider: of the detections that `config` describes, in place of a new one (a cache).
 
@@ -173,7 +173,7 @@ def check_writable(folder: Path) -> None:
 
 
 def _data(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Any]:
-    """What was evaluated, for the record."""
+    """Sequences, frames and labelled boxes of the evaluation, for the record."""
     labels = [scene.objects.of_classes(config.classes) for scene in scenes]
     return {
         "sequences": [scene.name for scene in scenes],

@@ -129,13 +129,16 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
     from models.weights import load_detector
     from training.checkpoint_folder import CheckpointFolder  # TensorFlow only where it is needed
     from training.tracker_task import TrackerTask
+    from visualization.training_pictures import tracker_picture
 
     def task(config, training, validation):
         return TrackerTask(config, load_detector(args.detector), training, validation)
 
     config = configured(row, TrackerTrainingConfig())
     checkpoints = CheckpointFolder(workdir / "checkpoints", config.schedule.keep_checkpoints)
-    if not _at_its_end(checkpoints, config.schedule.epochs) and train(row, task, config):
+    if not _at_its_end(checkpoints, config.schedule.epochs) and train(
+        row, task, config, tracker_picture
+    ):
         raise InputError(f"{name}: the training diverged", workdir)
     last = checkpoints.path(checkpoints.steps()[-1])
     write_bytes(weights / "detector.npz", args.detector.read_bytes())

@@ -64,7 +64,7 @@ def box_corners(boxes: np.ndarray) -> np.ndarray:
 
 
 def points_in_boxes(points: np.ndarray, boxes: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    """Which box holds each point.
+    """Index of the box that holds each point.
 
     Args:
         points: (n, >= 3), x y z first, in the boxes' frame.
@@ -117,7 +117,7 @@ def project_boxes(
 ) -> np.ndarray:
     """2-D boxes (x1, y1, x2, y2) of (M, 7) level boxes in the left colour image.
 
-    A box that reaches behind the camera is cut at `NEAR_DEPTH` first. The hull of what is left is
+    A box that reaches behind the camera is cut at `NEAR_DEPTH` first. The hull of the rest is
     clipped to pixel centres [0, width - 1] x [0, height - 1], as KITTI's labels are.
 
     Returns:

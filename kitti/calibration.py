@@ -174,7 +174,7 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
 
 
 def write_calibration(path: str | Path, calib: Calibration) -> None:
-    """Writes `calib` in KITTI's layout (keys with colon); what is None is left out."""
+    """Writes `calib` in KITTI's layout (keys with colon); absent matrices are left out."""
     lines = []
     for name in _WRITTEN:
         matrix = getattr(calib, name.lower())
@@ -191,8 +191,8 @@ def standard_mounting() -> Calibration:
     The Velodyne upright, x ahead, 1.73 m above the ground; the camera 0.27 m in front of it.
 
     Lever arm: Geiger et al., IJRR 2013, figure 3. Lens of the left colour camera: the nominal
-    values of KITTI's first recording day (1242 x 375 pixels); they only say which part of the
-    scan is looked at.
+    values of KITTI's first recording day (1242 x 375 pixels); they only set which part of
+    the scan is used.
     """
     lever_arm = np.array([[-0.004], [-0.076], [-0.272]])  # metres, camera frame
     return Calibration(

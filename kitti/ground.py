@@ -5,7 +5,7 @@
    cells above the surface (cars, walls, trees) lose their weight sooner than cells below.
 3. Heights are taken relative to that surface, so that a slope inside a cell no longer counts, and
    1 and 2 are repeated.
-4. What is left over in the cells near the surface is smoothed over their neighbourhood and added.
+4. The residuals of the cells near the surface are smoothed over their neighbourhood and added.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import numpy as np
 
 @dataclass(frozen=True)
 class GroundConfig:
-    """All choices are ours: the paper says only that ground points are extracted first."""
+    """All choices are ours: the paper states only that ground points are extracted first."""
 
     cell_m: float = 2.0  # smaller than a car's footprint is long, larger than the ring spacing
     percentile: float = 10.0  # low, but not the lowest point: reflections lie below the road
-    min_points: int = 3  # a cell with fewer says nothing about its lower envelope
+    min_points: int = 3  # fewer points do not determine the lower envelope of a cell
     iterations: int = 8
-    max_range_m: float = 200.0  # farther points are left out of the fit; the sensor sees 120 m
+    max_range_m: float = 200.0  # farther points are left out of the fit; the sensor reaches 120 m
     scale_m: float = 0.15  # cells within this of the surface count fully
     start_scale_m: float = 1.2  # the scale of the first iteration; it shrinks to scale_m
     above_penalty: float = 3.0  # how much sooner cells above the surface lose weight
     smooth_m: float = 4.0  # standard deviation of the local correction's neighbourhood
-    prior_weight: float = 2.0  # cells' worth of zero correction; keeps lonely cells calm
+    prior_weight: float = 2.0  # cells' worth of zero correction; damps cells without neighbours
     threshold_m: float = 0.2  # above the surface: roughness and range noise; wheels start lower
 
 

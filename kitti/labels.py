@@ -31,13 +31,13 @@ MIN_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e7, 1e12
 """Bounds of box sizes (metres), of coordinates (metres, pixels), of scores: beyond them a number is
 a mistake, does not come back from a result file, or overflows."""
 
-# What stands for "no 3-D box", as h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
+# Values that mean "no 3-D box", h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
 _NO_BOX_LABEL = (-1000.0, -1000.0, -1000.0, -10.0, -1.0, -1.0, -1.0)
 _NO_BOX_RESULT = (-1.0, -1.0, -1.0, -1000.0, -1000.0, -1000.0, -10.0)
 
 
 class Limit(int):
-    """A number of frames that knows its origin, for messages: `Limit(5, "where ... end")`."""
+    """A number of frames with its origin, for messages: `Limit(5, "where ... end")`."""
 
     origin: str
 
@@ -59,7 +59,7 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
     Args:
         path: the file; white space between 17 columns.
         num_frames: frames of the sequence, where they are known (seqmap). Without it a file
-            with no row is an error, since the labels then have to say how many frames there are.
+            with no row is an error, since the labels then define the number of frames.
 
     Raises:
         InputError: naming file, line and expectation, for anything that is not as KITTI has it.

@@ -26,7 +26,7 @@ CLASSES = (
 the devkit's text."""
 _BY_LOWER_CASE = {name.lower(): name for name in CLASSES}
 VEHICLES = ("Car", "Van")
-"""What the paper counts as vehicles (636 trajectories)."""
+"""The classes that the paper counts as vehicles (636 trajectories)."""
 
 NO_ANGLE = -10.0
 """KITTI's value of alpha for a row without a 3-D box."""
@@ -126,7 +126,7 @@ class Objects:
 
     @staticmethod
     def concatenate(parts: Iterable[Objects]) -> Objects:
-        """All rows of `parts`, one after the other."""
+        """All rows of `parts` in order."""
         parts = [Objects.empty(), *parts]
         return Objects(
             **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Objects)}

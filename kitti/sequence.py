@@ -54,7 +54,7 @@ class KittiSequence:
 
     @property
     def label_path(self) -> Path:
-        """Where the labels are due (a file `.txt.gz` is taken too)."""
+        """Path of the label file, `.txt` or `.txt.gz`."""
         return text_file(self.folder / "label_02", self.name)
 
     @cached_property
@@ -158,7 +158,7 @@ class KittiSequence:
         return self.folder / "velodyne" / self.name
 
     def scan_path(self, t: int) -> Path:
-        """Where the scan of frame `t` is due."""
+        """Path of the scan of frame `t`."""
         return self._scan_folder / f"{t:06d}.bin"
 
     def has_scan(self, t: int) -> bool:
@@ -168,7 +168,7 @@ class KittiSequence:
     def read_points_level(self, t: int, crop: bool = True) -> np.ndarray:
         """The scan of frame `t`: (n, 4) float32 x, y, z (metres, level frame), intensity.
 
-        `crop` keeps only the points that the left colour camera sees.
+        `crop` keeps only the points in the view of the left colour camera.
         """
         points = read_scan(self.scan_path(t))
         points[:, :3] = self.calib.velo_to_level(points[:, :3])

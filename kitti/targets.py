@@ -1,4 +1,4 @@
-"""What the networks are trained towards: foreground points and association displacements."""
+"""Training targets: foreground points and association displacements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kitti.ground import GroundModel, ground_mask
 def foreground_labels(
     points: np.ndarray, boxes: np.ndarray, ground: np.ndarray | GroundModel | None = None
 ) -> np.ndarray:
-    """Which object each point belongs to (paper, section IV.A).
+    """Index of the object that each point belongs to (section IV.A).
 
     Args:
         points: (n, >= 3), level frame, metres.

@@ -142,7 +142,7 @@ def _thin(proposals: Proposals, config: DecodingConfig) -> Proposals:
 
 
 def _rank_in_group(keys: np.ndarray) -> np.ndarray:
-    """How many earlier entries of keys (n,) are equal, for each: (n,) int64."""
+    """Number of earlier entries of keys (n,) that equal each entry: (n,) int64."""
     order = np.argsort(keys, kind="stable")
     first = np.searchsorted(keys[order], keys[order], side="left")
     rank = np.empty(len(keys), np.int64)

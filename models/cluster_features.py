@@ -51,7 +51,7 @@ def _over_votes(name: str, voters: np.ndarray, values: np.ndarray) -> dict[str, 
 
 
 def _agreement(clusters: Clusters) -> dict[str, np.ndarray]:
-    """How many proposals a cluster has, how probable they are, and how far they agree."""
+    """Number, probability and agreement of the proposals of each cluster."""
     votes, voters, members = clusters.votes, clusters.votes > 0, clusters.members
     probability = np.asarray(clusters.proposals.probability, np.float64)
     boxes = np.asarray(clusters.proposals.boxes, np.float64)

@@ -13,7 +13,7 @@ FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  #
 
 
 MAX_POINTS, MAX_WIDTH, MAX_NEIGHBORS = 200_000, 8192, 4096
-"""Bounds of what is read: far beyond any use, within the memory of a machine."""
+"""Bounds of values read from files: far beyond any use, within the memory of a machine."""
 
 
 def note(default, text: str, least: float = 0, most: float | None = None):
@@ -156,7 +156,7 @@ class TrackingLossWeights:
 
 @dataclass(frozen=True)
 class DecodingConfig:
-    """How boxes are made from points.
+    """Decoding of boxes from the predictions at points.
 
     Chosen on simulated scans of sequence 0011, which is held out of training:
     docs/tables/decoding_parameters.md (studies/decoding_parameters.py).
@@ -169,5 +169,5 @@ class DecodingConfig:
     nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
     doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
-    min_score: float = note(0.3, "of a box that is kept, where the weights say nothing else")
+    min_score: float = note(0.3, "of a box that is kept, where the weights ship no other")
     max_boxes: int = note(64, "M")

@@ -177,7 +177,7 @@ def _cast_round(shapes, columns: Columns):
 
 
 def _in_window(shape, columns: Columns, column, distance, z) -> np.ndarray:
-    """Whether hits on facades with windows fall on a pane: three metres a storey and a bay."""
+    """True where hits on facades with windows fall on a pane: three metres a storey and a bay."""
     place = columns.origin[column] + columns.heading[column] * distance[:, None] - shape[:, 1:3]
     cos, sin = np.cos(shape[:, 3]), np.sin(shape[:, 3])
     across = np.abs(cos * place[:, 0] + sin * place[:, 1])

@@ -36,7 +36,7 @@ class Traffic:
         return np.array([agent.place for agent in self.agents])
 
     def red(self, junction: int, group: int) -> bool:
-        """Whether the signal of a junction's group is red."""
+        """True if the signal of a junction's group is red."""
         phase = (self.time + self.offsets[junction] + group * self.CYCLE / 2) % self.CYCLE
         return phase > self.GREEN - self.CLEAR
 
@@ -143,7 +143,7 @@ class Traffic:
         return ((away**2).sum(-1) < reach[None, :, None] ** 2).any(axis=-1)
 
     def _free(self, index: int, agent: Agent, target: float, back: float, seconds: float) -> bool:
-        """Whether the path shifted to `target` stays free, oncoming traffic included."""
+        """True if the path shifted to `target` stays free, oncoming traffic included."""
         away = self._centers[:, 1] - self._centers[index, 1]
         others = np.flatnonzero((away * away).sum(axis=1) < 120.0**2)
         others = others[others != index]

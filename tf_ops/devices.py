@@ -27,15 +27,15 @@ def on_cpu(function):
 
 @functools.cache
 def has_gpu() -> bool:
-    """Whether TensorFlow may place ops on a GPU."""
+    """True if TensorFlow may place ops on a GPU."""
     return bool(tf.config.get_visible_devices("GPU"))
 
 
 def fused_ops() -> bool:
-    """Whether features go through this project's CPU ops or through TensorFlow's own.
+    """True if features use this project's CPU ops, False if TensorFlow's own.
 
     TensorFlow's own run where the ops made now may be placed on a GPU: one is visible, and no
-    enclosing tf.device asks for the CPU.
+    enclosing tf.device selects the CPU.
     """
     if _unfused:
         return False

@@ -17,7 +17,7 @@ EXTENT_SCALE = 5.0  # metres, about a car's length: extents weigh as much as one
 
 
 def geometric_appearance(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """How the points of this frame fill each box.
+    """Distribution of the points within each box.
 
     Args:
         points: (n, >=3) level frame, of the same frame as the boxes.
@@ -26,7 +26,7 @@ def geometric_appearance(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     Returns:
         (M, 27) float64, each row of unit length: shares of the points in 8 slices along the box's
         length, width and height, then the points' extents along them. A box without points has a
-        row of zeros, which stands for "none available".
+        row of zeros, which means "not available".
     """
     rows = [_shape_of(points, box) for box in np.asarray(boxes, np.float64)]
     return np.array(rows).reshape(-1, 3 * BINS + 3)

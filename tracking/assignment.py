@@ -45,7 +45,7 @@ def hungarian(cost: np.ndarray, max_cost: float) -> Matching:
 
 
 def greedy(cost: np.ndarray, max_cost: float) -> Matching:
-    """Cheapest pair first, then the cheapest of what is left, up to `max_cost`.
+    """Cheapest pair first, then the cheapest of the rest, up to `max_cost`.
 
     Equal costs: the lower row first, then the lower column.
     """

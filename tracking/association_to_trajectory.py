@@ -62,7 +62,7 @@ class AssociationToTrajectory:
         # lines 5-8: each B^{t-1} is moved by the mean displacement of its points
         moved = self._move(detections, context)
         # lines 9-12: the pairs of largest IoU above tau, largest first so that it is one-to-one;
-        # lines 13-15: what is left of t-1 and of t
+        # lines 13-15: the unmatched boxes of t-1 and of t
         matching = greedy(-iou_3d(moved, boxes), -p.tau)
         # line 16: update the trajectories
         for row, column in matching.pairs:

@@ -38,7 +38,7 @@ class Tracks:
 
 
 class FrameContext:
-    """Data about frame t other than its detections; this base class knows none.
+    """Data about frame t other than its detections; this base class has none.
 
     A subclass may compute them on access, since each tracker reads only those of its method.
 

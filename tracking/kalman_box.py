@@ -1,7 +1,7 @@
 """10-state Kalman filter of a box (AB3DMOT, section III.B), shared by the three baselines.
 
 State (x, y, z, l, w, h, yaw, vx, vy, vz): a box of the level frame and the velocity of its centre
-in metres per frame; the state moves with constant velocity, and the box is what is measured.
+in metres per frame; the state moves with constant velocity, and the measurement is the box.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Noise:
     """Standard deviations of the filter: metres, radians, metres per frame.
 
     The defaults are SORT's published setting, which AB3DMOT took over for its 3-D boxes (both:
-    initial covariance 10 for what is measured and 10000 for the velocity, process noise 1 and 0.01,
-    measurement noise 1; here as square roots).
+    initial covariance 10 for the measured part and 10000 for the velocity, process noise 1 and
+    0.01, measurement noise 1; here as square roots).
     """
 
     initial_box: float = 10.0**0.5

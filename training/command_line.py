@@ -35,12 +35,12 @@ def parser(description: str, config) -> ArgumentParser:
 
 
 def defaults(config):
-    """The flags of a training that says nothing but where its data and its workdir are."""
+    """The default flags of a training; its data and workdir are empty."""
     return parser("", config).parse_args(["--data_root", "", "--workdir", ""])
 
 
 def configured(flags, config):
-    """The configuration that the flags ask for; --smoke cuts its length."""
+    """The configuration given by the flags; --smoke shortens it."""
     config = from_flags(config, flags)
     if flags.smoke:
         schedule = dataclasses.replace(
@@ -53,8 +53,11 @@ def configured(flags, config):
     return config
 
 
-def train(flags, make_task, config) -> int:
-    """Runs a training as the flags say; returns the exit code (1 if it diverged)."""
+def train(flags, make_task, config, picture=None) -> int:
+    """Runs a training by its flags; returns the exit code (1 if it diverged).
+
+    picture: task -> matplotlib figure, logged after each epoch.
+    """
     from tf_ops.devices import describe_device
     from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
     from training.strategies import make_strategy, seed_everything
@@ -73,6 +76,7 @@ def train(flags, make_task, config) -> int:
         {**data.record(), "init": flags.init},
         data.pools,
         flags.workers,
+        picture,
     )
     if flags.init and not flags.resume:
         with strategy.scope():

@@ -7,7 +7,10 @@ import io
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tensorflow as tf
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from common.errors import InputError
 from common.files import atomic_path, write_text
@@ -47,8 +50,6 @@ class History:
 
     def plot(self, path: str | Path) -> None:
         """Draws every column over the epochs, a panel each."""
-        from matplotlib.figure import Figure
-
         names = [name for name in self.rows[-1] if name not in ("epoch", "step")]
         columns = 4
         lines = -(-len(names) // columns)
@@ -78,14 +79,10 @@ class TensorBoard:
                 tf.summary.scalar(name, value, step=step)
         self.writer.flush()
 
-    def picture(self, step: int, name: str, figure) -> None:
+    def picture(self, step: int, name: str, figure: Figure) -> None:
         """Writes a matplotlib figure."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
-        import numpy as np
-
         pixels = np.asarray(canvas.buffer_rgba())[..., :3]
         with self.writer.as_default():
             tf.summary.image(name, pixels[None], step=step)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import keras
 import numpy as np
 import tensorflow as tf
+from matplotlib.figure import Figure
 
 from common.config import to_dict
 from common.errors import InputError
@@ -26,6 +28,7 @@ from training.task import TrainingTask
 
 READ_SECONDS = 1.0
 """Between two readings of the steps' losses, which are checked, summed up and shown."""
+Picture = Callable[[TrainingTask], Figure]
 
 
 class TrainingDivergedError(RuntimeError):
@@ -44,6 +47,7 @@ class TrainingRun:
     chief: bool
     started: dict
     workers: int = 0  # processes that make samples; 0: threads of this process
+    picture: Picture | None = None  # drawn after each epoch, for TensorBoard
 
     def __post_init__(self):
         self.make_sample = self.task.samples
@@ -104,11 +108,12 @@ def start(
     data: dict,
     pools=(),
     workers: int = 0,
+    picture: Picture | None = None,
 ) -> TrainingRun:
     """Builds task and optimiser under the strategy.
 
     `data` describes the data for the record; `pools` as in `training.sampling.data`; `workers` is
-    the number of processes that make samples.
+    the number of processes that make samples; `picture` draws the task after each epoch.
     """
     with strategy.scope():
         task = make_task()
@@ -136,7 +141,9 @@ def start(
         data=data,
         parameters=int(sum(np.prod(v.shape) for v in task.model.trainable_variables)),
     )
-    run = TrainingRun(task, optimizer, strategy, order, Path(workdir), chief, started, workers)
+    run = TrainingRun(
+        task, optimizer, strategy, order, Path(workdir), chief, started, workers, picture
+    )
     with strategy.scope():
         optimizer.build(run.variables)
     return run
@@ -192,7 +199,8 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
         history.add(metrics)
         history.plot(workdir / "curves.png")
         board.scalars(step, metrics)
-        _picture(run, board, step)
+        if run.picture is not None and run.task.validation_samples.items:
+            board.picture(step, "birds_eye", run.picture(run.task))
         _report(metrics)
         _save(run, folder, step, metrics)
         _keep_best(run, folder, history, metrics)
@@ -316,14 +324,6 @@ def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
     return task.validate(
         (rows, batch, step(batch)) for rows, batch in zip(chosen, data, strict=True)
     )
-
-
-def _picture(run: TrainingRun, board: TensorBoard, step: int) -> None:
-    """A bird's-eye picture of the first validation sample."""
-    from training.pictures import birds_eye
-
-    if run.task.validation_samples.items:
-        board.picture(step, "birds_eye", birds_eye(run.task))
 
 
 def _report(metrics: dict[str, float]) -> None:

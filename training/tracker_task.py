@@ -67,7 +67,7 @@ def _terms(found: Prediction) -> dict[str, tf.Tensor]:
 
 
 class TrackerTask:
-    """The tracker graph on a frozen detector, which sees every augmented pair afresh."""
+    """The tracker graph on a frozen detector, which runs on every augmented pair."""
 
     kind = "tracker"
     best_metric, best_is_largest = "epe_foreground", False

@@ -12,7 +12,7 @@ import numpy as np
 from common.errors import InputError
 from common.npy import parse_npy
 
-_COMPRESSION = 300  # at most, of LZF: three bytes stand for 264
+_COMPRESSION = 300  # at most, of LZF: three bytes encode 264
 
 
 def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:

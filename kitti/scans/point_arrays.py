@@ -1,4 +1,4 @@
-"""Points in memory: any array that people hold a scan in -> rows of finite float32."""
+"""Converts arrays of points of any common form to rows of finite float32; draws N points."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np
     """Reads a scan of any of `SUFFIXES`; returns its points and the number of points dropped.
 
     The points are (n, 4) float32: x, y, z (metres, frame of the scanner), and intensity, 0 where
-    the file has none; for what is dropped see `as_points`.
+    the file has none; `as_points` defines the dropped points.
 
     Raises:
         InputError: the file cannot be read, is empty, cut off, of another format or layout, or
@@ -45,9 +45,9 @@ def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np
 
 
 def _cloud(array: np.ndarray, layout: ScanLayout, path: str | Path) -> np.ndarray:
-    """An array of a file as `as_points` takes it, by the layout where one is given."""
+    """An array of a file with the columns and the unit of `layout`, for `as_points`."""
     if layout.dtype is not None:
-        raise InputError("--scan_dtype is of .bin files: this one says its own", path)
+        raise InputError("--scan_dtype: expected a .bin file, this format declares its types", path)
     if layout.columns is None and layout.scale == 1.0:
         return array
     names = array.dtype.names

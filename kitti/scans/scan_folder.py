@@ -1,4 +1,4 @@
-"""A folder of scans: which file is which frame, told from the names."""
+"""A folder of scans: frame numbers from file names."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Layout of a raw `.bin` scan: which columns, which numbers; wrong layouts told from the content.
+"""Layout of a raw `.bin` scan: columns and number format; detects a wrong layout by the content.
 
-A raw scan says nothing of its layout. KITTI's is four little-endian float32: x, y, z in metres and
+A raw scan does not declare its layout. KITTI's is four little-endian float32: x, y, z in metres and
 an intensity. Other files give implausible numbers when they are read that way; the columns for
 which they are plausible are then searched for and named in the error.
 """
@@ -38,7 +38,7 @@ _FLAT = 0.6  # of a scene: its height's spread to that of its wider horizontal a
 
 @dataclass(frozen=True)
 class ScanLayout:
-    """How the numbers of a scan are read.
+    """Columns, number format and unit of a raw scan.
 
     Attributes:
         columns: names in file order: x, y, z, i (intensity), others are passed over; "-y" turns the

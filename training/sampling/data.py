@@ -1,4 +1,4 @@
-"""Which sequences train and validate: flags of data roots, sequences and sampling shares."""
+"""Training and validation data: flags of data roots, sequences and sampling shares."""
 
 from __future__ import annotations
 

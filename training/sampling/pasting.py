@@ -1,4 +1,4 @@
-"""Pasting of cut objects into a scan, with what hides them and what they hide."""
+"""Pastes cut objects into a scan, with their occlusion by the scan and of the scan."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ BLOCK = 1000
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Which sample every step sees, as a pure function of (seed, step): nothing to save.
+    """Sample of every step as a pure function of (seed, step), so that no state has to be saved.
 
     Samples come from pools. In each `BLOCK` of samples every pool has its share, at random places;
     the samples of a pool are shuffled afresh whenever all of it was used.

@@ -103,7 +103,7 @@ def detector_sample(
 ) -> DetectorSample:
     """A labelled frame -> DetectorSample; all randomness comes from rng.
 
-    `bank` holds the objects to paste, where `augmentation` says so.
+    `bank` holds the objects to paste, where `augmentation` enables it.
     """
     (frame,) = shifted([frame], augmentation, rng)
     if bank is not None and augmentation.pasted_objects:

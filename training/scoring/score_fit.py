@@ -147,7 +147,7 @@ def scored(
 
 
 def counted_vehicles(frames: Sequence[Candidates], low: int = MIN_POINTS, high: float = np.inf):
-    """How many labelled vehicles have at least `low` and fewer than `high` points."""
+    """Number of labelled vehicles that have at least `low` and fewer than `high` points."""
     return int(sum(((f.points >= low) & (f.points < high)).sum() for f in frames))
 
 

@@ -1,4 +1,4 @@
-"""Calibration of box scores, and recall before and after: figures, diagram, table."""
+"""Calibration of box scores, and recall before and after: metrics, diagram, table."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from common.files import atomic_path
 from common.markdown import markdown
 from metrics.scored_boxes import (
     HIT,
@@ -18,7 +19,6 @@ from metrics.scored_boxes import (
 )
 from training.scoring.box_candidates import Candidates
 from training.scoring.score_fit import MIN_POINTS, care, counted_vehicles, scored
-from visualization.drawing import save
 
 PRECISION = 0.9
 MIN_IOUS = (0.25, 0.5)
@@ -93,7 +93,8 @@ def draw(parts: dict[str, dict[str, Any]], path: Path) -> None:
         error = figures["expected_calibration_error"]
         panel.set(xlabel="mean score", ylabel="share right at IoU 0.5", xlim=(0, 1), ylim=(0, 1))
         panel.set_title(f"{name}: calibration error {error:.3f}")
-    save(figure, path)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=130)
 
 
 def table(parts: dict[str, dict[str, Any]]) -> str:

@@ -1,4 +1,7 @@
-"""A bird's-eye plot of the network's outputs for a validation sample."""
+"""Bird's-eye plots of a validation sample during training: truth green, network blue.
+
+Both take a training task (`training.task.TrainingTask`).
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,10 @@ from models.probability_filter import foreground_probability
 from visualization.drawing import birds_eye_axes, draw_boxes
 
 
-def birds_eye(task):
-    """A matplotlib figure of the first validation sample: points, truth (green), network (blue)."""
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    panel = figure.subplots()
-    sample = task.validation_samples(0, 0)
-    batch = task.prepare(tf.nest.map_structure(lambda x: tf.convert_to_tensor(x)[None], sample))
-    if task.kind == "detector":
-        _detector_panel(panel, task, batch)
-    else:
-        _tracker_panel(panel, task, batch)
-    birds_eye_axes(panel)
-    return figure
-
-
-def _detector_panel(panel, task, batch) -> None:
+def detector_picture(task) -> Figure:
+    """Foreground probability of every point, labelled and decoded boxes of the first sample."""
+    figure, panel = _birds_eye("foreground probability; boxes: truth green, network blue")
+    batch = _first_batch(task)
     outputs = task.model(batch.inputs, training=False)
     probability = foreground_probability(outputs.boxes.mask_logits).numpy()[0]
     xyz = batch.inputs.query_xyz.numpy()
@@ -34,11 +26,14 @@ def _detector_panel(panel, task, batch) -> None:
     draw_boxes(panel, frame.boxes, "green", linewidth=1)
     found = decode_detections(xyz, outputs.boxes, task.config.detector.box, task.decoding)[0]
     draw_boxes(panel, found.boxes, "blue", linewidth=1)
-    panel.set_title("foreground probability; boxes: truth green, network blue")
+    return figure
 
 
-def _tracker_panel(panel, task, batch) -> None:
-    found = task.predict_forward(batch)
+def tracker_picture(task) -> Figure:
+    """Association displacement of every tenth foreground point of the first sample."""
+    title = "association displacement of foreground points: truth green, network blue"
+    figure, panel = _birds_eye(title)
+    found = task.predict_forward(_first_batch(task))
     xyz, predicted, target, foreground = (x.numpy()[0] for x in found)
     panel.scatter(xyz[:, 0], xyz[:, 1], s=0.5, color="lightgrey")
     chosen = np.flatnonzero(foreground == 1)[::10]
@@ -54,4 +49,17 @@ def _tracker_panel(panel, task, batch) -> None:
             scale=1,
             width=0.0015,
         )
-    panel.set_title("association displacement of foreground points: truth green, network blue")
+    return figure
+
+
+def _birds_eye(title: str):
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    panel = figure.subplots()
+    birds_eye_axes(panel)
+    panel.set_title(title)
+    return figure, panel
+
+
+def _first_batch(task):
+    sample = task.validation_samples(0, 0)
+    return task.prepare(tf.nest.map_structure(lambda x: tf.convert_to_tensor(x)[None], sample))
