@@ -67,7 +67,7 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "--scans DIR": "tests/test_track.py::test_command_line_writes_results_and_pictures",
     "--protocol clear3d": Here(KITTI),
     "--tracker sort": Here(KITTI),
-    "--displacement 2 ": Here(KITTI),
+    "--object_shift 2 ": Here(KITTI),
     "--subset testing": "tests/evaluation/test_submission.py::test_all_29_sequences_are_in_the_zip",
     "demo.py": Here(KITTI),
     "--tracker ab3dmot": Here(KITTI),
