@@ -66,7 +66,7 @@ class Tracker:
         score_threshold: float | None = None,
         **parameters: float,
     ) -> Tracker:
-        """With the networks of a folder that holds detector.npz, tracker.npz and scorer.json.
+        """Loads the networks of a folder that holds detector.npz, tracker.npz and scorer.json.
 
         Args:
             weights: the folder; None for that of `default_weights`.

@@ -50,7 +50,7 @@ class Scans:
 
     @property
     def frames(self) -> range:
-        """From the first scan to the last."""
+        """Frame numbers from the first scan to the last."""
         return range(min(self.files), max(self.files) + 1)
 
     def __len__(self) -> int:
@@ -70,7 +70,7 @@ class Scans:
             yield self.points(frames[i])
 
     def remarks(self) -> Iterator[str]:
-        """On frames without a scan and on points that were dropped."""
+        """Notes on frames without a scan and on dropped points."""
         missing = len(self.frames) - len(self)
         if missing:
             yield f"{missing} of {len(self.frames)} frames have no scan (gaps in the numbers)"

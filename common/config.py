@@ -20,7 +20,7 @@ from common.errors import InputError
 T = TypeVar("T")
 
 MAX_ITEMS = 64
-"""Of a tuple of any length, unless its field has its own bound."""
+"""Greatest length of a tuple, unless its field has its own bound."""
 _MAX_INT, _MAX_FLOAT = 2**53, 1e15
 
 

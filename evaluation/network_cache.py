@@ -212,7 +212,7 @@ def _digest_of_file(path: Path) -> bytes:
 
 
 def _digest_of_data(scene: Scene) -> bytes:
-    """Of labels, calibration and scans; 16 bytes."""
+    """Digest (16 bytes) of labels, calibration and scans."""
     sequence = scene.sequence
     digest = hashlib.blake2b(str(scene.frames).encode(), digest_size=16)
     files = [sequence.folder / "calib" / f"{scene.name}.txt", sequence.label_path]

@@ -31,7 +31,7 @@ def track_scene(
         scene: the sequence.
         provider: its detections.
         tracker: a new one.
-        classes: of the labels whose motion the upper bound of Algorithm 1 takes.
+        classes: of the labels that give the motion for the upper bound of Algorithm 1.
         each_frame: called after each frame (a progress bar).
     """
     labels = scene.objects.of_classes(classes)

@@ -104,7 +104,7 @@ def _apply(matrix: np.ndarray, xyz: np.ndarray) -> np.ndarray:
 
 
 def is_rotation(matrices: np.ndarray) -> np.ndarray:
-    """Whether (..., 3, 3) matrices are rotations, up to the rounding of a text file."""
+    """True where (..., 3, 3) matrices are rotations, up to the rounding of a text file."""
     matrices = np.asarray(matrices, np.float64)
     product = matrices @ np.swapaxes(matrices, -1, -2)
     orthonormal = np.abs(product - np.eye(3)).max(axis=(-1, -2)) <= _ROTATION_TOLERANCE

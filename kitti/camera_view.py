@@ -27,12 +27,12 @@ _NEAR = (25.0, 15.0, 15.0, 25.0)  # pixels: another camera of KITTI's kind, such
 MIN_DEPTH = 0.1
 """Metres in front of the left colour camera from which on a point counts as seen."""
 LEAST_SHARE = 0.005
-"""Of the points of a scan; a scanner that looks around has 0.1 to 0.3 in KITTI's view."""
+"""Least share of a scan's points in view; a full turn has 0.1 to 0.3 in KITTI's view."""
 _EXPECTED = (
     "expected x ahead, y left, z up in metres (else --scan_columns such as y,-x,z,i and "
     "--scan_scale) and the calibration of this scanner (--calib, --image_size)"
 )
-_FEW = 1000  # points; fewer say nothing of a scene
+_FEW = 1000  # points; fewer do not determine a scene
 _HIGH = 0.7  # height of a street scene to its wider horizontal side; KITTI's is below 0.2
 _FLAT = 0.3  # spread of the heights of a road to that of what stands on it; KITTI's is 0.1
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7

@@ -17,7 +17,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class GroundConfig:
-    """All choices are ours: the paper states only that ground points are extracted first."""
+    """Parameters of the fit, all chosen here: the paper only states that ground is extracted."""
 
     cell_m: float = 2.0  # smaller than a car's footprint is long, larger than the ring spacing
     percentile: float = 10.0  # low, but not the lowest point: reflections lie below the road

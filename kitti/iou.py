@@ -78,7 +78,7 @@ def _boxes(boxes: np.ndarray) -> np.ndarray:
 
 
 def _near(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether the circles around both boxes, seen from above, meet; False with NaN."""
+    """True where the circles around both boxes, seen from above, meet; False with NaN."""
     reach = np.hypot(a[..., 3], a[..., 4]) + np.hypot(b[..., 3], b[..., 4])
     return np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]) * 2 < reach
 
@@ -120,7 +120,7 @@ def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
 
 
 def footprints_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether boxes seen from above share an area, by the separating axis theorem: no areas.
+    """True where boxes seen from above share an area, by the separating axis theorem.
 
     Args:
         a, b: (..., 7) boxes of one frame, which broadcast against each other.

@@ -42,14 +42,14 @@ class Limit(int):
     origin: str
 
     def __new__(cls, frames: int, origin: str = "") -> Limit:
-        """Args: frames: how many; origin: from where that is known."""
+        """Args: frames: their number; origin: source of that number."""
         made = super().__new__(cls, frames)
         made.origin = getattr(frames, "origin", origin)
         return made
 
     @property
     def reason(self) -> str:
-        """In parentheses the origin and the way to more frames; empty if it is unknown."""
+        """The origin of the limit and the way to more frames, in parentheses; empty if unknown."""
         return f", {self.origin}; a seqmap sets the frames, see docs/DATA.md" if self.origin else ""
 
 

@@ -162,7 +162,7 @@ class KittiSequence:
         return self._scan_folder / f"{t:06d}.bin"
 
     def has_scan(self, t: int) -> bool:
-        """Whether frame `t` has a scan."""
+        """True if frame `t` has a scan."""
         return self.scan_path(t).is_file()
 
     def read_points_level(self, t: int, crop: bool = True) -> np.ndarray:
@@ -187,7 +187,7 @@ class KittiSequence:
 
     @property
     def has_poses(self) -> bool:
-        """Whether there is a file of poses."""
+        """True if there is a file of poses."""
         return self.subset == "training" and self._poses_path.exists()
 
     @cached_property

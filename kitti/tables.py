@@ -132,7 +132,7 @@ def read_table(
     separator: str | None = None,
     text_column: int | None = None,
 ) -> Table:
-    """Reads a table whose rows all have the same one of the `widths`; blank lines are skipped.
+    """Reads a table of rows of one width among `widths`; blank lines are skipped.
 
     Args:
         path: a plain ASCII text file.
@@ -204,7 +204,7 @@ def _refuse_words(table: Table, rows: list[list[str]], text_column: int | None) 
 
 
 def _refuse_cut_number(table: Table, tokens: list[str]) -> None:
-    """For a last line without an end: is its last number shorter than all those above it?"""
+    """Refuses a last line without an end whose last number is shorter than all those above it."""
     decimals = [len(token.partition(".")[2]) for token in tokens]
     if len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
         message = f"the file is cut off: its last number is {tokens[-1]!r}"

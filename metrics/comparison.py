@@ -81,7 +81,7 @@ def compare(
 
 
 def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:
-    """For each of `num_frames` frames the indices of its rows, in the order of the rows."""
+    """Indices of the rows of each of `num_frames` frames, in the order of the rows."""
     order = np.argsort(frame, kind="stable")
     edges = np.searchsorted(frame[order], np.arange(num_frames + 1))
     return [order[first:last] for first, last in pairwise(edges)]

@@ -15,7 +15,7 @@ EPSILON = 1e-5  # as in DEEP_SORT: a pair beyond the gate is a little dearer tha
 
 @dataclass(frozen=True)
 class Matching:
-    """Pairs (P, 2) of row and column, and who is left over; int64, each in ascending order."""
+    """Pairs (P, 2) of row and column, unmatched rows and columns; int64, each ascending."""
 
     pairs: np.ndarray
     unmatched_rows: np.ndarray

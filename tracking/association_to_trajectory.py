@@ -23,13 +23,13 @@ FOREGROUND = 0.5  # probability from which the mask calls a point foreground
 
 @dataclass(frozen=True)
 class AssociationParameters:
-    """Algorithm 1 names only tau, and gives it no value: all values are ours.
+    """Parameters of Algorithm 1; the paper names only tau, without a value: all values are ours.
 
     Chosen on training sequences, see the tables in README.md of this folder.
     """
 
     tau: float = 0.01  # least IoU of a match; less is better the noisier the displacement
-    max_age: int = 5  # frames a lost object goes on: "short term disappearance" (section IV.E)
+    max_age: int = 5  # frames a lost object is kept: "short term disappearance" (section IV.E)
     min_hits: int = 1  # detections before a trajectory is reported; Algorithm 1 has no probation
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
     report_lost: bool = False  # report the moved box of a lost object; costs 6 % MOTA
@@ -70,7 +70,7 @@ class AssociationToTrajectory:
             previous[row].state.label_id = int(label_ids[column])
             self.life.hit(previous[row], detections, column)
         for row in matching.unmatched_rows:
-            previous[row].state.box = moved[row]  # lost: goes on with its displacement
+            previous[row].state.box = moved[row]  # lost: keeps its displacement
         for column in matching.unmatched_columns:  # lines 1-3 when t = 0
             if detections.scores[column] >= p.min_start_score:
                 state = Motion(boxes[column], label_id=int(label_ids[column]))
@@ -106,7 +106,7 @@ class AssociationToTrajectory:
         return boxes
 
     def _is_shown(self, track: Track) -> bool:
-        """A track that was seen in this frame and is settled; in the first frames, any."""
+        """True for a matched track past its probation; in the first frames for any matched one."""
         p = self.parameters
         settled = track.hits >= p.min_hits or self.life.frame_count <= p.min_hits
         return settled and (track.detection >= 0 or p.report_lost)

@@ -34,7 +34,7 @@ METRIC_NOISE = Noise(
 
 @dataclass(frozen=True)
 class DeepSortParameters:
-    """The paper's values; where it works in pixels, ours in metres."""
+    """Parameters of DEEP_SORT: the paper's; ours, in metres, in place of pixels."""
 
     gate: float = 7.8147  # section II.B: chi-square, 95 %, here for the 3 coordinates of the centre
     max_cosine_distance: float = 0.2  # t(2) of section II.B; the authors' default

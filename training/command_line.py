@@ -19,7 +19,7 @@ def parser(description: str, config) -> ArgumentParser:
     add = result.add_argument
     add_data_flags(result)
     add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
-    add("--resume", action="store_true", help="go on where the training in --workdir stopped")
+    add("--resume", action="store_true", help="continue the training in --workdir")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
     add(

@@ -1,4 +1,4 @@
-"""Configuration of the two trainings; section IV.B of the paper unless said otherwise."""
+"""Configuration of the two trainings; section IV.B of the paper unless noted otherwise."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class ScheduleConfig:
     )
     clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
-    keep_checkpoints: int = note(3, "how many of the last checkpoints stay beside the best", 1)
+    keep_checkpoints: int = note(3, "number of the last checkpoints kept beside the best", 1)
     validation_frames: int = note(64, "samples looked at after each epoch; 0: all")
     seed: int = note(0, "of initial weights, order, sampling and augmentation", 0, 2**32 - 1)
 

@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Checks that the networks belong together, then writes them."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     add = parser.add_argument
-    what = "a training's workdir, whose last checkpoint is taken, or a checkpoint"
+    what = "a checkpoint, or a training's workdir (its last checkpoint)"
     add("--detector", type=Path, required=True, metavar="PATH", help=what)
     add("--tracker", type=Path, metavar="PATH", help=what)
     add("--out", type=Path, default=Path("weights"), metavar="DIR")

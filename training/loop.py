@@ -68,7 +68,7 @@ class TrainingRun:
 
     @property
     def groups(self) -> dict[str, checkpoint.Variables]:
-        """Groups of a checkpoint from which training goes on."""
+        """Groups of a checkpoint from which a training is resumed."""
         return {**self.networks, "optimizer": self._optimizer_state()}
 
     def _optimizer_state(self) -> checkpoint.Variables:

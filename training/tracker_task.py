@@ -45,7 +45,7 @@ class Prediction(NamedTuple):
 
     @classmethod
     def at(cls, rows: tf.Tensor, displacement: tf.Tensor, batch: PairBatch) -> Prediction:
-        """With the targets of the points `rows` (F, M) of the batch's first F frames."""
+        """Adds the targets of the points `rows` (F, M) of the batch's first F frames."""
         frames = tf.shape(rows)[0]
         xyz, target, foreground = (
             tf.gather(x[:frames], rows, batch_dims=1)
@@ -109,7 +109,7 @@ class TrackerTask:
         return tf.nest.map_structure(tf.stop_gradient, frames)
 
     def predict_forward(self, batch: PairBatch) -> Prediction:
-        """From the B frames t-1 to their frames t, as the tracker is used."""
+        """Predicts from the B frames t-1 to their frames t, as in inference."""
         frames = self.detect(batch)
         encoded = self.model.encode(frames)
         pairs = tf.shape(frames.rows)[0] // 2

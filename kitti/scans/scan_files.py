@@ -14,7 +14,7 @@ from kitti.scans.point_arrays import MAX_RANGE, as_points
 from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw_points
 
 SUFFIXES = (".bin", *CLOUD_PARSERS)
-"""Of the files that `read_points` reads."""
+"""Suffixes of the files that `read_points` reads."""
 
 
 def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np.ndarray, int]:

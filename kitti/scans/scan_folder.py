@@ -101,7 +101,7 @@ def _matches(paths: list[Path]) -> list[re.Match[str]]:
 
 
 def _is_label(begin: str) -> bool:
-    """Whether a common beginning is no part of a time: text, or small numbers such as 0000_."""
+    """True if a common beginning is no part of a time: text, or small numbers such as 0000_."""
     if re.search(r"[^\d._-]", begin, re.ASCII):
         return True
     numbers = re.findall(r"\d+", begin, re.ASCII)

@@ -91,7 +91,7 @@ class PairSamples(FrameItems):
         self.augmentation = augmentation
 
     def __call__(self, index: int, position: int) -> PairSample:
-        """As `DetectorSamples`; without a scan t-1 both frames come from scan t (`split_scan`)."""
+        """The sample, see `DetectorSamples`; without a scan t-1 made from scan t (`split_scan`)."""
         rng = np.random.default_rng([self.seed, position])
         sequence, t = self.items[index]
         current = self.frame(index)
