@@ -17,7 +17,7 @@ from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.seqmap import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
 from metrics.protocols import BEST, CLEAR3D, PROTOCOLS
-from models.box_score import default_min_score
+from models.boxes.box_score import default_min_score
 from tracking import PREDICTED_MOTION, TRACKERS
 
 GROUND_TRUTH = "gt"

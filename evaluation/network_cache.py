@@ -27,7 +27,7 @@ from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.detections import DetectionProvider, NetworkDetections
 from evaluation.scene import Scene
-from models.box_score import FILE_NAME as SCORER
+from models.boxes.box_score import FILE_NAME as SCORER
 from tracking.frame_detections import FrameDetections
 
 FORMAT = 4

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from models.box_coding import head_channels
+from models.boxes.box_coding import head_channels
 from models.config import DetectorConfig, SetAbstractionConfig, SetUpconvConfig, TrackerConfig
 from models.detector import POINT_FEATURES
 from models.tracker import FusedFeatures

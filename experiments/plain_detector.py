@@ -9,7 +9,7 @@ from __future__ import annotations
 import keras
 import tensorflow as tf
 
-from models.box_coding import head_channels
+from models.boxes.box_coding import head_channels
 from models.config import DetectorConfig
 from models.detector import POINT_FEATURES, DetectorInputs, point_features
 

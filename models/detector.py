@@ -7,7 +7,7 @@ from typing import NamedTuple
 import keras
 import tensorflow as tf
 
-from models.box_coding import head_channels, split_head
+from models.boxes.box_coding import head_channels, split_head
 from models.config import DetectorConfig
 from models.feature_propagation import (
     FeaturePropagation,

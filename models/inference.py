@@ -11,7 +11,7 @@ import tensorflow as tf
 
 from kitti.boxes import points_in_boxes
 from kitti.scans.point_arrays import sample_points
-from models.box_decoding import (
+from models.boxes.box_decoding import (
     Clusters,
     Detections,
     Proposals,
@@ -19,8 +19,8 @@ from models.box_decoding import (
     cluster,
     propose,
 )
-from models.box_score import BoxScorer
-from models.cluster_features import cluster_features
+from models.boxes.box_score import BoxScorer
+from models.boxes.cluster_features import cluster_features
 from models.config import DecodingConfig
 from models.detector import Detector, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm

@@ -8,7 +8,7 @@ import keras
 import tensorflow as tf
 
 from models.association_head import AssociationHead
-from models.box_coding import head_channels
+from models.boxes.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import DetectorInputs, DetectorOutputs
 from models.feature_propagation import interpolation_indices

@@ -10,7 +10,7 @@ import keras
 from common.config import from_dict
 from common.errors import InputError
 from models import checkpoint
-from models.box_score import BoxScorer, load_scorer
+from models.boxes.box_score import BoxScorer, load_scorer
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import Detector
 from models.tracker import TrackingNetwork

@@ -12,8 +12,8 @@ from kitti.labels import MAX_FRAMES
 from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
 from simulator.dataset import make_dataset
-from simulator.frames import Options
 from simulator.plan import Plan
+from simulator.sensor_model.frames import Options
 
 OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # numbering as KITTI's split here
 

@@ -68,7 +68,7 @@ def label_frame(
 ) -> Objects:
     """Label rows of one frame.
 
-    boxes (M, 7) level frame; kinds, track_ids (M,); rays, seen (M,) from `simulator.scan.Sweep`.
+    boxes (M, 7) level frame; kinds, track_ids (M,); rays, seen (M,) as in `Sweep`.
     """
     boxes = np.asarray(boxes, np.float64).reshape(-1, 7)
     bbox = project_boxes(boxes, calib, image_size)

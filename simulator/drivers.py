@@ -10,11 +10,11 @@ import numpy as np
 from common.files import write_bytes
 from kitti.sequence import KittiSequence
 from simulator.config import SENSOR, VehicleMix
-from simulator.drive import DriveWorld, drive
-from simulator.motion_files import write_oxts
+from simulator.drives.drive import DriveWorld, drive
+from simulator.drives.motion_files import write_oxts
+from simulator.drives.replay import Replay, replay
 from simulator.plan import Builder, Plan
-from simulator.replay import Replay, replay
-from simulator.scan import Scene, Sweep
+from simulator.sensor_model.scan import Scene, Sweep
 
 
 @dataclass(frozen=True)

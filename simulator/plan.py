@@ -12,8 +12,8 @@ from kitti.objects import Objects
 from kitti.seqmap import sequence_name
 from simulator import VERSION
 from simulator.config import RETURNS, SENSOR, SIZES
-from simulator.frames import Options
-from simulator.scan import Scene, Sweep
+from simulator.sensor_model.frames import Options
+from simulator.sensor_model.scan import Scene, Sweep
 
 
 class World(Protocol):

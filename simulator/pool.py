@@ -22,8 +22,8 @@ from kitti.scans.scan_files import write_scan
 from kitti.seqmap import sequence_name
 from simulator.config import SENSOR
 from simulator.drivers import DRIVERS
-from simulator.frames import Options, ego_velocity, take_sweep
 from simulator.plan import Plan, World, part_path, scan_path
+from simulator.sensor_model.frames import Options, ego_velocity, take_sweep
 
 Job = tuple[int, list[int]]
 """Sequence number and frames; no frames: the text files alone."""

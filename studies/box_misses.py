@@ -23,7 +23,7 @@ from common.provenance import provenance
 from kitti.boxes import points_in_boxes
 from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
-from models.box_score import default_min_score, load_scorer
+from models.boxes.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
 from training.scoring.box_candidates import CandidateFinder, Candidates

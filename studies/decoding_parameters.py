@@ -1,4 +1,4 @@
-"""Parameters of the decoding of per-point predictions into boxes (models/box_decoding.py).
+"""Parameters of the decoding of per-point predictions into boxes (models/boxes/box_decoding.py).
 
     python -m studies.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
 
@@ -27,7 +27,7 @@ from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.object_shift import ObjectShift
 from kitti.scans.point_arrays import sample_points
-from models.box_decoding import decode_detections
+from models.boxes.box_decoding import decode_detections
 from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs
 from models.probability_filter import foreground_probability

@@ -20,9 +20,9 @@ from common.progress import progress
 from common.provenance import provenance
 from kitti.objects import VEHICLES
 from kitti.sequence import KittiSequence
+from simulator.drives.replay import Replay, replay
 from simulator.fidelity import compare_frame, summarise
-from simulator.frames import Options, take_sweep
-from simulator.replay import Replay, replay
+from simulator.sensor_model.frames import Options, take_sweep
 
 GOALS = {
     "points per frame, ratio": (0.85, 1.15),

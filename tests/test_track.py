@@ -15,7 +15,7 @@ from kitti.calibration import standard_mounting, write_calibration
 from kitti.labels import read_results
 from kitti.scans.point_arrays import as_points
 from kitti.scans.scan_files import write_scan
-from models.box_decoding import Detections
+from models.boxes.box_decoding import Detections
 from pointtracknet import Tracker
 
 SPEED = np.array([5.0, 0.0, 0.0])  # metres per frame: more than a car's length

@@ -3,8 +3,9 @@
     python -m training.calibrate --real_root KITTI_A --simulated_root data/val --out results/score
 
 The score is the probability that a box is right at 3-D IoU 0.5, a logistic regression on the
-features of its cluster (models/box_score.py). Its penalty is chosen by cross-validation by drive,
-and the default threshold is where hits minus false alarms are most over real and simulated drives.
+features of its cluster (models/boxes/box_score.py). Its penalty is chosen by cross-validation by
+drive, and the default threshold is where hits minus false alarms are most over real and simulated
+drives.
 Writes scorer.json into the folder of weights, and calibration.json and reliability.png into --out.
 """
 
@@ -20,7 +21,7 @@ from common.provenance import provenance
 from kitti.seqmap import parse_sequences
 from kitti.sequence import KittiSequence, open_sequences
 from metrics.scored_boxes import best_threshold
-from models.box_score import save_scorer
+from models.boxes.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
 from training.sampling.data import labelled_sequences

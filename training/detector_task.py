@@ -9,8 +9,8 @@ import tensorflow as tf
 
 from common.config import to_dict
 from kitti.iou import iou_3d
-from models.box_coding import decode_boxes, decode_targets
-from models.box_decoding import decode_detections
+from models.boxes.box_coding import decode_boxes, decode_targets
+from models.boxes.box_decoding import decode_detections
 from models.config import DecodingConfig
 from models.detector import BoxPredictions, Detector, DetectorInputs, detector_inputs
 from models.losses import detection_losses, quality_loss, total_loss

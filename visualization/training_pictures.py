@@ -9,7 +9,7 @@ import numpy as np
 import tensorflow as tf
 from matplotlib.figure import Figure
 
-from models.box_decoding import decode_detections
+from models.boxes.box_decoding import decode_detections
 from models.probability_filter import foreground_probability
 from visualization.drawing import birds_eye_axes, draw_boxes
 

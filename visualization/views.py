@@ -10,7 +10,7 @@ import tensorflow as tf
 
 from kitti.boxes import points_in_boxes
 from kitti.labels import Objects
-from models.box_decoding import Proposals, propose
+from models.boxes.box_decoding import Proposals, propose
 from models.detector import detector_inputs
 from models.inference import FrameState, StreamingNetwork
 from models.set_upconv import neighbors_within

@@ -21,7 +21,7 @@ import visualize
 from campaigns.mutations import damaged_points, nasty_word
 from common import flags
 from common.errors import InputError
-from models.box_decoding import Detections
+from models.boxes.box_decoding import Detections
 from pointtracknet import Tracker
 from simulator import __main__ as simulator
 

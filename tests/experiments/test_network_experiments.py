@@ -13,7 +13,7 @@ from experiments.evaluate_networks import table as networks_table
 from experiments.plain_detector import PlainDetector
 from experiments.table2 import PAPER, table
 from kitti.labels import Objects
-from models.box_coding import head_channels
+from models.boxes.box_coding import head_channels
 from models.detector import Detector, detector_inputs
 from tracking import FrameDetections
 

@@ -7,7 +7,7 @@ import tensorflow as tf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.box_coding import (
+from models.boxes.box_coding import (
     decode_boxes,
     decode_targets,
     encode_boxes,

@@ -7,8 +7,8 @@ import pytest
 import tensorflow as tf
 from test_box_coding import predictions_of
 
-from models.box_coding import encode_boxes
-from models.box_decoding import (
+from models.boxes.box_coding import encode_boxes
+from models.boxes.box_decoding import (
     Proposals,
     _rank_in_group,
     _thin,

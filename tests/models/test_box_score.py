@@ -10,9 +10,9 @@ import pytest
 from scipy.special import expit
 
 from common.errors import InputError
-from models.box_decoding import Proposals, cluster
-from models.box_score import FILE_NAME, BoxScorer, load_scorer, save_scorer
-from models.cluster_features import FC1, cluster_features
+from models.boxes.box_decoding import Proposals, cluster
+from models.boxes.box_score import FILE_NAME, BoxScorer, load_scorer, save_scorer
+from models.boxes.cluster_features import FC1, cluster_features
 from models.config import DecodingConfig
 
 CARS = np.float32(

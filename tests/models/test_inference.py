@@ -7,7 +7,7 @@ import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER, cloud
 
-from models.box_score import BoxScorer
+from models.boxes.box_score import BoxScorer
 from models.detector import Detector, detector_inputs
 from models.inference import StreamingNetwork
 from models.tracker import TrackingNetwork

@@ -15,7 +15,7 @@ from helpers.network_cases import (
     tracker_with,
 )
 
-from models.box_coding import head_channels
+from models.boxes.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import Detector, detector_inputs
 from models.tracker import TrackingNetwork

@@ -7,13 +7,13 @@ import pytest
 
 from kitti.boxes import points_in_boxes
 from simulator.annotate import label_frame, occlusion_state, truncation_share
-from simulator.bodies import make_body
+from simulator.bodies.kitti_types import make_body
 from simulator.config import IMAGE_SIZE
-from simulator.drive import make_calibration
-from simulator.frames import Options, take_sweep
-from simulator.scan import Scene
-from simulator.static import StaticWorld
-from simulator.terrain import Terrain
+from simulator.drives.drive import make_calibration
+from simulator.sensor_model.frames import Options, take_sweep
+from simulator.sensor_model.scan import Scene
+from simulator.world.static import StaticWorld
+from simulator.world.terrain import Terrain
 
 CAR = (3.9, 1.6, 1.5)
 

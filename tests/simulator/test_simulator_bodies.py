@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.bodies import draw_size, make_body
+from simulator.bodies.convex import FAR, cast_body
+from simulator.bodies.kitti_types import draw_size, make_body
 from simulator.config import RETURNS, SIZES
-from simulator.convex import FAR, cast_body
 
 KINDS = {
     "Car": (3.9, 1.6, 1.5),

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration
+from simulator.bodies.convex import FAR, intersect
+from simulator.bodies.parts import block, bounding_ball, column, wheel
 from simulator.config import SENSOR
-from simulator.convex import FAR, intersect
-from simulator.parts import block, bounding_ball, column, wheel
-from simulator.sensor import beam_table, make_rays
-from simulator.static import StaticWorld, cast_static, make_columns
-from simulator.terrain import Terrain
+from simulator.sensor_model.sensor import beam_table, make_rays
+from simulator.world.static import StaticWorld, cast_static, make_columns
+from simulator.world.terrain import Terrain
 
 HEIGHT = 1.7
 

@@ -8,9 +8,9 @@ import pytest
 from common.flags import run
 from kitti.boxes import points_in_boxes
 from kitti.sequence import KittiSequence
+from simulator.drives.replay import replay
 from simulator.fidelity import count_beams, histogram_distance
-from simulator.frames import Options, take_sweep
-from simulator.replay import replay
+from simulator.sensor_model.frames import Options, take_sweep
 from studies import simulator_fidelity
 
 pytestmark = pytest.mark.real

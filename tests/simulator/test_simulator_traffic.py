@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from helpers.overlap import iou_bev
 
-from simulator.agents import Agent, Driver, idm
 from simulator.config import VehicleMix
-from simulator.drive import drive
-from simulator.roads import LANE, Route, Stop, make_network
-from simulator.town import make_town, populate
-from simulator.traffic import Traffic
+from simulator.drives.agents import Agent, Driver, idm
+from simulator.drives.drive import drive
+from simulator.drives.town import make_town, populate
+from simulator.drives.traffic import Traffic
+from simulator.world.roads import LANE, Route, Stop, make_network
 
 SIZE = np.array([4.0, 1.7, 1.5])
 

@@ -7,7 +7,7 @@ import pytest
 from helpers import two_cars
 from helpers.small_weights import write_weights
 
-from models.box_decoding import Detections
+from models.boxes.box_decoding import Detections
 from models.config import DecodingConfig
 from studies import decoding_parameters as module
 

@@ -9,7 +9,7 @@ from helpers import two_cars
 from helpers.small_weights import write_weights
 
 from common.errors import InputError
-from models.box_decoding import Clusters, Proposals
+from models.boxes.box_decoding import Clusters, Proposals
 from models.weights import load_networks
 from studies import box_misses
 from training import calibrate

@@ -10,7 +10,7 @@ from kitti.iou import iou_3d
 from kitti.labels import Objects
 from kitti.sequence import open_sequences
 from metrics.protocols import Entry, evaluate_protocol
-from models.box_decoding import decode_detections
+from models.boxes.box_decoding import decode_detections
 from models.detector import Detector
 from tracking import FrameContext, FrameDetections, LabelMotion, make_tracker, track_frame
 from training import loop

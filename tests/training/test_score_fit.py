@@ -5,7 +5,7 @@ import pytest
 from scipy.special import expit
 
 from common.errors import InputError
-from models.box_decoding import Clusters
+from models.boxes.box_decoding import Clusters
 from training.scoring.box_candidates import Candidates
 from training.scoring.logistic import fit_logistic, log_loss
 from training.scoring.score_fit import Domain, Penalty, ScoreFit, care, choose_penalty, samples

@@ -10,7 +10,7 @@ import numpy as np
 from kitti.object_shift import ObjectShift, shift_points
 from kitti.scans.point_arrays import sample_points
 from kitti.targets import association_displacement, foreground_labels, point_displacement
-from models.box_coding import BoxTargets, encode_boxes
+from models.boxes.box_coding import BoxTargets, encode_boxes
 from models.config import BoxCodingConfig
 from training.config import AugmentationConfig, DetectorTrainingConfig
 from training.sampling.augmentation import SceneTransform

@@ -17,9 +17,9 @@ from kitti.iou import covered, iou_3d
 from kitti.labels import VEHICLES
 from kitti.sequence import KittiSequence
 from metrics.kitti_rules import RULES
-from models.box_decoding import Clusters, cluster
-from models.box_score import BoxScorer
-from models.cluster_features import cluster_features
+from models.boxes.box_decoding import Clusters, cluster
+from models.boxes.box_score import BoxScorer
+from models.boxes.cluster_features import cluster_features
 from models.config import DecodingConfig
 from models.detector import Detector, detector_inputs
 from models.inference import frame_proposals, sample_scan

@@ -14,8 +14,8 @@ import numpy as np
 
 from common.errors import InputError
 from metrics.scored_boxes import ScoredBoxes, collect, outcomes_of
-from models.box_score import BoxScorer
-from models.cluster_features import FC1
+from models.boxes.box_score import BoxScorer
+from models.boxes.cluster_features import FC1
 from training.scoring.box_candidates import Candidates
 from training.scoring.logistic import LogisticModel, fit_logistic, log_loss
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simulator.convex import FAR
+from simulator.bodies.convex import FAR
 
 BOX, CYLINDER, ELLIPSOID = 0, 1, 2
 REACH = 85.0  # metres; shapes beyond are skipped

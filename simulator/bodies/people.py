@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from simulator.convex import Body
-from simulator.parts import Part, assemble, block, column, wheel
+from simulator.bodies.convex import Body
+from simulator.bodies.parts import Part, assemble, block, column, wheel
 
 SKIN, STEEL = 0.45, 0.3
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.convex import Body
-from simulator.parts import (
+from simulator.bodies.convex import Body
+from simulator.bodies.parts import (
     Pane,
     Part,
     assemble,

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from simulator.convex import Body
+from simulator.bodies.convex import Body
 
 
 @dataclass

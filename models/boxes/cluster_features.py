@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logit
 
 from kitti.boxes import box_corners, points_in_boxes
-from models.box_decoding import Clusters
+from models.boxes.box_decoding import Clusters
 
 HDL64_STEP = np.deg2rad([0.17, 0.42])  # radians between returns, azimuth and elevation (mean)
 VIEW = (0.002, 0.998)  # quantiles of the points' azimuths that bound the view

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator import people, vehicles
+from simulator.bodies import people, vehicles
+from simulator.bodies.convex import Body
 from simulator.config import SIZES, SizeFit
-from simulator.convex import Body
 
 BUILDERS = {
     "Car": vehicles.car,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.convex import FAR
-from simulator.grid import Grid, blur
+from simulator.bodies.convex import FAR
+from simulator.world.grid import Grid, blur
 
 SCALES = (60.0, 20.0, 7.0, 3.0)  # metres; heights are fitted from coarse to fine
 COARSE_CELL, FINE_CELL = 2.0, 0.4  # metres
@@ -42,8 +42,8 @@ class Terrain:
     def cast(self, columns) -> np.ndarray:
         """Horizontal distance (B, C) f32 at which rays meet the ground, FAR where they do not.
 
-        `columns` is a `simulator.static.Columns`. Finds the first radial sample below the ground,
-        then the crossing by four steps of false position.
+        `columns` is a `simulator.world.static.Columns`. Finds the first radial sample below the
+        ground, then the crossing by four steps of false position.
         """
         radius = np.geomspace(1.2, 95.0, 100).astype(np.float32)
         xy = columns.origin[:, None] + columns.heading[:, None] * radius[None, :, None]

@@ -35,7 +35,7 @@ class BoxScorer:
         detector_sha256: content hash of the detector whose boxes it scores.
         min_score: the default least score of a box that is kept.
         bias: logit of a box whose features are all at their means.
-        features: F names, see `models.cluster_features`.
+        features: F names, see `models.boxes.cluster_features`.
         mean, scale, weight: F values each; scale is positive, weight is of the scaled feature.
         format: of the file.
     """

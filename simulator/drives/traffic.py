@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.agents import SPACING, Agent, advance, discs, idm, look_ahead
-from simulator.roads import LANE
+from simulator.drives.agents import SPACING, Agent, advance, discs, idm, look_ahead
+from simulator.world.roads import LANE
 
 AHEAD_ROOM = 44.0  # metres that must be free to overtake or pull out
 SIDE_ROOM = 0.35  # metres between passing cars

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from models.box_coding import decode_boxes
+from models.boxes.box_coding import decode_boxes
 from models.config import BoxCodingConfig, DecodingConfig
 from models.probability_filter import foreground_probability
 from tf_ops import box_iou_3d

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.roads import Route
+from simulator.world.roads import Route
 
 AHEAD = 46.0  # metres that a driver looks ahead
 SPACING = 2.0

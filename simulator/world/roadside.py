@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.grid import Grid, rectangle_points
-from simulator.static import StaticWorld
-from simulator.terrain import Terrain
+from simulator.world.grid import Grid, rectangle_points
+from simulator.world.static import StaticWorld
+from simulator.world.terrain import Terrain
 
 
 @dataclass(frozen=True)

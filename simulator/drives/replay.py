@@ -13,14 +13,14 @@ import numpy as np
 from kitti.boxes import transform_boxes
 from kitti.objects import Objects
 from kitti.sequence import KittiSequence
-from simulator.bodies import make_body
+from simulator.bodies.convex import Body
+from simulator.bodies.kitti_types import make_body
 from simulator.config import SENSOR
-from simulator.convex import Body
-from simulator.grid import Grid, rectangle_points
-from simulator.roadside import SETTINGS, Setting, Site, furnish
-from simulator.scan import Scene
-from simulator.static import StaticWorld
-from simulator.terrain import Terrain
+from simulator.sensor_model.scan import Scene
+from simulator.world.grid import Grid, rectangle_points
+from simulator.world.roadside import SETTINGS, Setting, Site, furnish
+from simulator.world.static import StaticWorld
+from simulator.world.terrain import Terrain
 
 MARGIN = 100.0  # metres of world around the car's path
 PLAUSIBLE_SPEED = 8.0  # m/s, without poses

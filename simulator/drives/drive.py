@@ -11,14 +11,14 @@ from kitti.boxes import transform_boxes
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, write_calibration
 from kitti.objects import Objects
 from simulator.annotate import label_frame
-from simulator.bodies import make_body
+from simulator.bodies.convex import Body
+from simulator.bodies.kitti_types import make_body
 from simulator.config import IMAGE_SIZE, SENSOR, VehicleMix
-from simulator.convex import Body
-from simulator.motion_files import write_oxts, write_poses
-from simulator.scan import Scene, Sweep
-from simulator.terrain import Terrain
-from simulator.town import START, Town, footprint_ground, make_town, populate
-from simulator.traffic import Traffic
+from simulator.drives.motion_files import write_oxts, write_poses
+from simulator.drives.town import START, Town, footprint_ground, make_town, populate
+from simulator.drives.traffic import Traffic
+from simulator.sensor_model.scan import Scene, Sweep
+from simulator.world.terrain import Terrain
 
 WARM_UP = 12.0  # seconds before the first frame, so that traffic has settled
 NEAR = 130.0  # metres within which objects are kept

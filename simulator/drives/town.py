@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.agents import Agent, Driver
-from simulator.bodies import draw_size
+from simulator.bodies.kitti_types import draw_size
 from simulator.config import VehicleMix
-from simulator.grid import Grid
-from simulator.roads import LANE, SIDE_HALF, Network, Route, beside, make_network
-from simulator.roadside import SETTINGS, Site, furnish
-from simulator.static import StaticWorld
-from simulator.terrain import Terrain
+from simulator.drives.agents import Agent, Driver
+from simulator.world.grid import Grid
+from simulator.world.roads import LANE, SIDE_HALF, Network, Route, beside, make_network
+from simulator.world.roadside import SETTINGS, Site, furnish
+from simulator.world.static import StaticWorld
+from simulator.world.terrain import Terrain
 
 EGO_SIZE = np.array([4.77, 1.82, 1.52])  # VW Passat B6, KITTI's car
 START = 70.0  # metres of main road behind the car when the scene begins

@@ -9,8 +9,8 @@ import numpy as np
 
 from kitti.calibration import Calibration
 from kitti.camera_view import in_camera_view
-from simulator.scan import Scene, Sweep, sweep
-from simulator.sensor import Rays, make_rays
+from simulator.sensor_model.scan import Scene, Sweep, sweep
+from simulator.sensor_model.sensor import Rays, make_rays
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kitti.boxes import box_corners
+from simulator.bodies.convex import FAR, Body, cast_body, to_box_frame
 from simulator.config import RETURNS, SENSOR
-from simulator.convex import FAR, Body, cast_body, to_box_frame
-from simulator.sensor import Rays
-from simulator.static import StaticWorld, cast_static, make_columns
-from simulator.terrain import Terrain
+from simulator.sensor_model.sensor import Rays
+from simulator.world.static import StaticWorld, cast_static, make_columns
+from simulator.world.terrain import Terrain
 
 GROUND_REFLECTIVITY = 0.15
 PANE_RETURN = 0.35  # share of rays on a house's window that come back (frame, curtain)

@@ -1,0 +1,1 @@
+"""Boxes: coding at points, decoding by clusters, score of a cluster."""

@@ -1,0 +1,1 @@
+"""Bodies of objects: convex parts, people, vehicles, by KITTI type."""

@@ -1,0 +1,1 @@
+"""Moving objects: own traffic in a town, and replayed label files."""

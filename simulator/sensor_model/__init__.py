@@ -1,0 +1,1 @@
+"""Rays of the sensor, sweeps of a scene, frames."""

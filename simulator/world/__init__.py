@@ -1,0 +1,1 @@
+"""The static world: roads, ground, roadside, boxes and cylinders."""
