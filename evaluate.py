@@ -43,9 +43,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Evaluates and prints one table."""
     config = parse_config(argv)
     record = evaluate(config)
-    figures = {name: record[name] for name in config.protocols}
-    if figures:
-        print(overall_table(figures) + threshold_line(record["run"]), end="")
+    metrics = {name: record[name] for name in config.protocols}
+    if metrics:
+        print(overall_table(metrics) + threshold_line(record["run"]), end="")
     print(f"written to {config.out}")
     if config.subset == "testing":
         missing = len(TEST) - len(config.seqs)

@@ -15,7 +15,7 @@ T = TypeVar("T")
 class Progress:
     """A bar (tqdm) on a terminal; elsewhere a plain line at most every `interval` seconds.
 
-    Use as a context manager; `update(n, **figures)` moves it and shows the named figures.
+    Use as a context manager; `update(n, **metrics)` moves it and shows the named metrics.
     Writes to standard error, so standard output stays clean for results.
     """
 
@@ -30,20 +30,20 @@ class Progress:
         self.total, self.description, self.unit = total, description, unit
         self.done = self.initial = initial
         self.interval, self.start, self.last = interval, time.monotonic(), time.monotonic()
-        self.figures: dict[str, Any] = {}
+        self.metrics: dict[str, Any] = {}
         self.bar = None
         if sys.stderr.isatty():
             self.bar = tqdm(
                 total=total, desc=description, unit=unit, initial=initial, dynamic_ncols=True
             )
 
-    def update(self, n: int = 1, **figures: Any) -> None:
-        """Moves on by `n` units; `figures` are shown beside the bar."""
+    def update(self, n: int = 1, **metrics: Any) -> None:
+        """Moves on by `n` units; `metrics` are shown beside the bar."""
         self.done += n
-        self.figures.update(figures)
+        self.metrics.update(metrics)
         if self.bar is not None:
-            if figures:
-                self.bar.set_postfix(self.figures, refresh=False)
+            if metrics:
+                self.bar.set_postfix(self.metrics, refresh=False)
             self.bar.update(n)
         elif time.monotonic() - self.last >= self.interval or self.done == self.total:
             self.last = time.monotonic()
@@ -53,10 +53,10 @@ class Progress:
         elapsed = time.monotonic() - self.start
         rate = (self.done - self.initial) / elapsed if elapsed > 0 else 0.0
         eta = tqdm.format_interval((self.total - self.done) / rate) if rate > 0 else "?"
-        figures = "".join(f" {name}={value}" for name, value in self.figures.items())
+        metrics = "".join(f" {name}={value}" for name, value in self.metrics.items())
         return (
             f"{self.description}: {self.done}/{self.total} {self.unit}, {rate:.2f}/s, "
-            f"ETA {eta}{figures}"
+            f"ETA {eta}{metrics}"
         )
 
     def __enter__(self) -> Progress:

@@ -1,1 +1,1 @@
-"""Sequences -> boxes -> tracker -> result files -> figures: the parts of evaluate.py."""
+"""Sequences -> boxes -> tracker -> result files -> metrics: the parts of evaluate.py."""

@@ -1,4 +1,4 @@
-"""One evaluation from a configuration to figures and files."""
+"""One evaluation from a configuration to metrics and files."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ def evaluate(
         check_writable(config.out)
     scenes = config.open_scenes(shift)
     results, least = _results(config, scenes, provider)
-    figures = score(config, scenes, results)
+    metrics = score(config, scenes, results)
     thresholds = {"min_box_score": config.min_box_score, "min_track_score": least}
     run = provenance(config=to_dict(config), data=_data(config, scenes))
-    record = {"run": {**run, **thresholds}, **figures}
+    record = {"run": {**run, **thresholds}, **metrics}
     if config.out is not None:
-        write_text(config.out / "table.md", full_table(figures, run["command"], thresholds))
+        write_text(config.out / "table.md", full_table(metrics, run["command"], thresholds))
         write_json(config.out / "metrics.json", record)
         write_json(config.out / "config.json", record["run"])
         if config.subset == "testing":
@@ -73,7 +73,7 @@ def evaluate(
 def score(
     config: EvaluateConfig, scenes: list[Scene], results: Mapping[str, Objects]
 ) -> dict[str, Any]:
-    """The figures of every protocol, by name."""
+    """The metrics of every protocol, by name."""
     entries = _entries(scenes, results)
     return {
         name: evaluate_protocol(name, entries, classes=config.classes, min_iou=config.iou)

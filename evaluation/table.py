@@ -13,14 +13,14 @@ COUNTS = ("IDS", "FRAG", "TP", "FP", "FN", "GT")
 CLEAR_COLUMNS = ("MOTA", "MOTP", "MT", "ML", *COUNTS)
 
 
-def overall_table(figures: Mapping[str, Any]) -> str:
-    """One row per protocol: the figures over all sequences together."""
-    clear = {name: part["overall"] for name, part in figures.items() if name != "hota"}
+def overall_table(metrics: Mapping[str, Any]) -> str:
+    """One row per protocol: the metrics over all sequences together."""
+    clear = {name: part["overall"] for name, part in metrics.items() if name != "hota"}
     text = ""
     if clear:
         rows = [[name, *(part[key] for key in CLEAR_COLUMNS)] for name, part in clear.items()]
         text = markdown(["protocol", *CLEAR_COLUMNS], rows)
-    for name, part in figures.items():
+    for name, part in metrics.items():
         extra = [key for key in part["overall"] if key not in CLEAR_COLUMNS]
         if extra:
             row = [name, *(part["overall"][key] for key in extra)]
@@ -36,12 +36,12 @@ def threshold_line(thresholds: Mapping[str, float | None]) -> str:
 
 
 def full_table(
-    figures: Mapping[str, Any], command: str, thresholds: Mapping[str, float | None]
+    metrics: Mapping[str, Any], command: str, thresholds: Mapping[str, float | None]
 ) -> str:
     """`table.md`: over all sequences, then one table per protocol with a row per sequence."""
     head = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(thresholds)}"
-    text = f"{head}\n{overall_table(figures)}"
-    for name, part in figures.items():
+    text = f"{head}\n{overall_table(metrics)}"
+    for name, part in metrics.items():
         columns = list(part["overall"] if name == "hota" else CLEAR_COLUMNS)
         rows = [
             [sequence, *(values[key] for key in columns)]

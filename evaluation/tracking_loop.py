@@ -15,7 +15,7 @@ from kitti.calibration import Calibration
 from kitti.labels import Objects
 from tracking import FrameContext, LabelMotion, MultiObjectTracker, Tracks, track_frame
 
-NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D figures off
+NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D metrics off
 
 
 def track_scene(

@@ -31,7 +31,7 @@ def count_objects(objects: Objects, classes: Sequence[str]) -> dict[str, int]:
 
 
 def count_sequence(sequence: KittiSequence) -> Counts:
-    """All figures of one sequence; `pairs` are adjacent frames, `scans` the scan files there."""
+    """All counts of one sequence; `pairs` are adjacent frames, `scans` the scan files there."""
     names = [name for name in LABELLED if (sequence.objects.type == name).any()]
     classes = {name: count_objects(sequence.objects, (name,)) for name in names}
     return {

@@ -1,6 +1,6 @@
 """AB3DMOT (Weng et al., IROS 2020): 3-D Kalman filter, Hungarian assignment, birth and death.
 
-Section and module names are the paper's. The published figures for PointRCNN cars were made with
+Section and module names are the paper's. The published results for PointRCNN cars were made with
 GIoU in place of IoU and with the sensor's own motion taken out, so that is the default here.
 """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import tensorflow as tf
 
 from tf_ops.loading import load_library
@@ -60,28 +62,18 @@ def batch_norm_relu_max(
 
 @tf.RegisterGradient("PointTrackNet>BatchNormRelu")
 def _batch_norm_relu_grad(op, grad, *_):
-    x, gamma, beta = op.inputs
-    return load_library().point_track_net_batch_norm_relu_grad(
-        grad=grad,
-        x=x,
-        gamma=gamma,
-        beta=beta,
-        mean=op.outputs[1],
-        variance=op.outputs[2],
-        epsilon=op.get_attr("epsilon"),
-    )
+    return load_library().point_track_net_batch_norm_relu_grad(**_forward(op), grad=grad)
 
 
 @tf.RegisterGradient("PointTrackNet>BatchNormReluMax")
 def _batch_norm_relu_max_grad(op, grad, *_):
-    x, gamma, beta = op.inputs
     return load_library().point_track_net_batch_norm_relu_max_grad(
-        grad=grad,
-        x=x,
-        gamma=gamma,
-        beta=beta,
-        mean=op.outputs[1],
-        variance=op.outputs[2],
-        place=op.outputs[3],
-        epsilon=op.get_attr("epsilon"),
+        **_forward(op), grad=grad, place=op.outputs[3]
     )
+
+
+def _forward(op) -> dict[str, Any]:
+    """Inputs and moments of the forward op, for its gradient."""
+    names = ("x", "gamma", "beta", "mean", "variance")
+    tensors = dict(zip(names, [*op.inputs, *op.outputs[1:3]], strict=True))
+    return {**tensors, "epsilon": op.get_attr("epsilon")}

@@ -29,7 +29,7 @@ def report(frames: list[Candidates], scores: list[np.ndarray], min_score: float)
     """Calibration of the scores, and recall before (agreement) and after."""
     probability, right = care(frames, scores)
     kept = probability >= min_score
-    figures: dict[str, Any] = {
+    metrics: dict[str, Any] = {
         "frames": len(frames),
         "vehicles": counted_vehicles(frames),
         "boxes": len(right),
@@ -44,12 +44,12 @@ def report(frames: list[Candidates], scores: list[np.ndarray], min_score: float)
     agreement = [frame.scores(None) for frame in frames]
     for min_iou in MIN_IOUS:
         before, after = (scored(frames, s, min_iou) for s in (agreement, scores))
-        figures[f"IoU {min_iou}"] = {
+        metrics[f"IoU {min_iou}"] = {
             "before": _recall(before, frames),
             "after": _recall(after, frames),
             "at the default threshold": _at(after, frames, min_score),
         }
-    return figures
+    return metrics
 
 
 def _error(probability: np.ndarray, right: np.ndarray) -> float | None:
@@ -81,16 +81,16 @@ def _at(boxes: ScoredBoxes, frames: list[Candidates], min_score: float) -> dict[
 def draw(parts: dict[str, dict[str, Any]], path: Path) -> None:
     """Writes the reliability diagram: share of right boxes over mean score, with their number."""
     figure = Figure(figsize=(4.2 * len(parts), 4.2), layout="constrained")
-    for column, (name, figures) in enumerate(parts.items()):
+    for column, (name, metrics) in enumerate(parts.items()):
         panel = figure.add_subplot(1, len(parts), column + 1)
-        rows = [row for row in figures["reliability"] if row[0]]
+        rows = [row for row in metrics["reliability"] if row[0]]
         panel.plot([0, 1], [0, 1], color="grey", linewidth=0.8)
         panel.plot([r[1] for r in rows], [r[2] for r in rows], marker="o")
         for count, mean, share in rows:
             panel.annotate(
                 f"{count:g}", (mean, share), fontsize=7, textcoords="offset points", xytext=(4, -8)
             )
-        error = figures["expected_calibration_error"]
+        error = metrics["expected_calibration_error"]
         panel.set(xlabel="mean score", ylabel="share right at IoU 0.5", xlim=(0, 1), ylim=(0, 1))
         panel.set_title(f"{name}: calibration error {error:.3f}")
     with atomic_path(path) as temporary:
@@ -100,10 +100,10 @@ def draw(parts: dict[str, dict[str, Any]], path: Path) -> None:
 def table(parts: dict[str, dict[str, Any]]) -> str:
     """Recall at the precision, before and after, as Markdown."""
     rows = []
-    for name, figures in parts.items():
+    for name, metrics in parts.items():
         for min_iou in MIN_IOUS:
-            both = figures[f"IoU {min_iou}"]
+            both = metrics[f"IoU {min_iou}"]
             cells = [f"{both['before'][p]:.3f} -> {both['after'][p]:.3f}" for p in POINTS]
-            error = f"{figures['expected_calibration_error']:.3f}"
+            error = f"{metrics['expected_calibration_error']:.3f}"
             rows.append([name, str(min_iou), *cells, error])
     return markdown(["drives", "IoU", *POINTS, "calibration error"], rows)
