@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from common.markdown import cell, markdown
-
-__all__ = ["cell", "full_table", "markdown", "overall_table", "threshold_line"]
+from common.markdown import markdown
 
 COUNTS = ("IDS", "FRAG", "TP", "FP", "FN", "GT")
 CLEAR_COLUMNS = ("MOTA", "MOTP", "MT", "ML", *COUNTS)

@@ -1,4 +1,4 @@
-"""AB3DMOT on PointRCNN's cars, beside the figures its authors publish.
+"""AB3DMOT on PointRCNN's cars, beside the numbers its authors publish.
 
     python -m experiments.ab3dmot --data_root KITTI --detections KITTI/detections/pointrcnn_Car \
         --out results/ab3dmot
@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from common import flags
+from common.markdown import markdown
 from evaluation.config import EvaluateConfig
 from evaluation.run import check_writable, make_provider
-from evaluation.table import markdown
 from evaluation.tracking_loop import track_scene
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
 from experiments.runs import make_parser, write

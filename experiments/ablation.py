@@ -23,11 +23,11 @@ from common.config import to_dict
 from common.config_flags import add_flags
 from common.errors import InputError
 from common.files import write_bytes, write_json
+from common.markdown import markdown
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
-from evaluation.table import markdown
 from experiments.evaluate_networks import end_point_errors
 from experiments.paper import ABLATION_COLUMNS
 from experiments.runs import write
@@ -49,7 +49,7 @@ class Ablation:
         name: of its files; title: above it.
         field: of `TrackerConfig`, which the rows differ in.
         rows: name in the paper -> value of the field.
-        paper: name -> the paper's figures (`ABLATION_COLUMNS`).
+        paper: name -> the paper's numbers (`ABLATION_COLUMNS`).
     """
 
     name: str
@@ -146,7 +146,7 @@ def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path
 
 
 def _at_its_end(checkpoints, epochs: int) -> bool:
-    """Whether the last checkpoint is that of the last epoch, figures included."""
+    """Whether the last checkpoint is that of the last epoch, metrics included."""
     from models.checkpoint import load
 
     steps = checkpoints.steps()

@@ -20,8 +20,8 @@ import numpy as np
 
 from common.files import write_json, write_text
 from common.flags import ArgumentParser, positive_int, run
+from common.markdown import markdown
 from common.provenance import provenance
-from evaluation.table import markdown
 from experiments.table2 import matmul_rate, median_seconds, simulate
 from kitti.scans.point_arrays import sample_points
 from kitti.scans.scan_files import read_scan

@@ -21,9 +21,9 @@ from typing import Any
 from common.errors import InputError
 from common.files import write_text
 from common.flags import ArgumentParser, run
+from common.markdown import markdown
 from common.provenance import ROOT
 from evaluation.side_by_side import SIDE_BY_SIDE
-from evaluation.table import markdown
 from experiments.paper import TABLE5
 from experiments.runs import TRACKER_NAMES, shown
 

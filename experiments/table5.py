@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from common import flags
+from common.markdown import markdown
 from evaluation.config import GROUND_TRUTH
-from evaluation.table import markdown
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import (
     TRACKER_NAMES,

@@ -168,6 +168,6 @@ class DecodingConfig:
     max_proposals: int = note(600, "of a frame")
     nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
-    doubt: float = note(4.0, "proposals against every box, so that lonely ones score less")
+    score_prior: float = note(4.0, "pseudo-count in the score: boxes of few proposals score less")
     min_score: float = note(0.3, "of a box that is kept, where the weights ship no other")
     max_boxes: int = note(64, "M")

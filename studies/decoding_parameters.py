@@ -39,7 +39,7 @@ TRIALS: dict[str, tuple] = {
     "proposals_per_cell": (10, 20, 40, 80),
     "nms_iou": (0.02, 0.1, 0.2),
     "vote_iou": (0.3, 0.4, 0.5, 0.6),
-    "doubt": (0.0, 2.0, 4.0, 8.0, 16.0),
+    "score_prior": (0.0, 2.0, 4.0, 8.0, 16.0),
 }
 LEAST_SCORES = np.arange(0.0, 0.8, 0.025)
 MIN_IOU = 0.5

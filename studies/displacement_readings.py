@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from common import flags
-from evaluation.table import markdown
+from common.markdown import markdown
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import (
     TRACKER_NAMES,

@@ -89,7 +89,7 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
 
     A proposal votes for those that it overlaps by `vote_iou`, with its foreground probability * IoU
     * quality, where there is one; their sum is the support. The agreement of a cluster is the mean
-    of probability * IoU over its members and `doubt` more that give nothing, so boxes on which many
+    of probability * IoU over its members and `score_prior` further zeros, so boxes on which many
     points agree come first.
     """
     thinned = _thin(Proposals(*(None if x is None else np.asarray(x) for x in proposals)), config)
@@ -107,7 +107,7 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
     own = np.arange(len(kept)), kept
     votes[own] = np.maximum(votes[own], 1e-6)
     share = votes / votes.sum(-1, keepdims=True)
-    agreement = (overlap[kept] * members).sum(-1) / (members.sum(-1) + config.doubt)
+    agreement = (overlap[kept] * members).sum(-1) / (members.sum(-1) + config.score_prior)
     return Clusters(
         _vote(boxes, share, kept),
         agreement.astype(np.float32),

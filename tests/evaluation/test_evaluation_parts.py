@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from helpers import tiny_kitti
 
+from common.markdown import markdown
 from evaluation.detections import DetectionFiles, LabelBoxes
 from evaluation.scene import Scene
-from evaluation.table import markdown
 from evaluation.tracking_loop import NEVER_SEEN, SceneFrame, keep_last_seen, track_scene
 from kitti.object_shift import ObjectShift
 from kitti.sequence import KittiSequence

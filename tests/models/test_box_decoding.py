@@ -127,7 +127,7 @@ def clusters_one_by_one(proposals, config):
         forward = share[turn >= 0].sum() >= 0.5
         yaw = boxes[:, 6] + np.where((turn >= 0) == forward, 0.0, np.pi)
         yaw = np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw))
-        agreement = overlap[best][members].sum() / (np.count_nonzero(members) + config.doubt)
+        agreement = overlap[best][members].sum() / (np.count_nonzero(members) + config.score_prior)
         found.append([*(share @ boxes[:, :6]), yaw, agreement])
         alive &= ~members
     return np.array(found)

@@ -39,7 +39,7 @@ def test_the_least_score_is_swept(monkeypatch):
 def test_from_end_to_end(tmp_path, monkeypatch, capsys):
     root = two_cars.write_sequence(tmp_path / "data", frames=3)
     weights = write_weights(tmp_path / "weights") / "detector.npz"
-    monkeypatch.setattr(module, "TRIALS", {"min_probability": (0.4, 0.5), "doubt": (2.0,)})
+    monkeypatch.setattr(module, "TRIALS", {"min_probability": (0.4, 0.5), "score_prior": (2.0,)})
     words = ["--data_root", root, "--seqs", "0000", "--every", "2", "--displacement", "1"]
     module.main([str(w) for w in (*words, "--weights", weights, "--out", tmp_path / "out")])
     record = json.loads((tmp_path / "out" / "decoding_parameters.json").read_text())
