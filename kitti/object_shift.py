@@ -5,8 +5,10 @@ metres, and its points with it. Training and evaluation use the same shifts. The
 distribution open; the readings offered here are
 
 - `uniform`: length uniform in [0, D], direction uniform;
+- `fixed`: length D, direction uniform;
 - `per_axis`: x and y each uniform in [-D, D];
-- both either drawn afresh in each frame, or (`hold`) once per object and kept.
+- `per_axis_positive`: x and y each uniform in [0, D];
+- each either drawn afresh in each frame, or (`hold`) once per object and kept.
 
 No shift makes two boxes overlap, seen from above, that did not overlap before: the objects of a
 frame are moved in the order of their track ids, each by the first of `ATTEMPTS` draws that keeps
@@ -25,7 +27,7 @@ from kitti.calibration import Calibration
 from kitti.iou import footprints_overlap, iou_bev_pairs
 from kitti.objects import Objects
 
-LENGTHS = ("uniform", "per_axis")
+LENGTHS = ("uniform", "fixed", "per_axis", "per_axis_positive")
 DEFAULT_READING = ("uniform", False)
 """(length, hold) unless another reading is chosen."""
 ATTEMPTS = 16
@@ -41,7 +43,7 @@ class ObjectShift:
     Attributes:
         distance: D in metres, >= 0.
         seed: any integer >= 0; another one gives other shifts.
-        length: "uniform" or "per_axis" (module docstring).
+        length: one of `LENGTHS` (module docstring).
         hold: one shift per object instead of one per object and frame.
     """
 
@@ -100,7 +102,7 @@ class ObjectShift:
     def _close_pairs(self, frame: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (i, j), each order once, that do not overlap but may once they are moved."""
         i, j = _pairs_in_frame(frame, frame)
-        reach = self.distance * (np.sqrt(2.0) if self.length == "per_axis" else 1.0)
+        reach = self.distance * (np.sqrt(2.0) if self.length.startswith("per_axis") else 1.0)
         room = np.hypot(boxes[:, 3], boxes[:, 4]) / 2 + reach
         apart = np.hypot(boxes[i, 0] - boxes[j, 0], boxes[i, 1] - boxes[j, 1])
         near = np.flatnonzero((i != j) & (apart < room[i] + room[j]))
@@ -131,10 +133,11 @@ class ObjectShift:
         """(R, attempts, 2) metres; a function of (seed, seq, frame, track id, attempt) alone."""
         frame = np.full(len(frame), _HELD) if self.hold else frame
         u, v = _uniform(self.seed, seq, frame, track_id, attempts)
-        if self.length == "uniform":
-            reach, angle = self.distance * u, 2 * np.pi * v
-            return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
-        return self.distance * (2 * np.stack([u, v], axis=-1) - 1)
+        if self.length.startswith("per_axis"):
+            least = 0 if self.length == "per_axis_positive" else -1
+            return self.distance * (least + (1 - least) * np.stack([u, v], axis=-1))
+        reach, angle = self.distance * (u if self.length == "uniform" else 1.0), 2 * np.pi * v
+        return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
 
 
 def _uniform(
