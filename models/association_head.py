@@ -41,12 +41,19 @@ def _unit(features: tf.Tensor) -> tf.Tensor:
 
 
 class AssociationHead(keras.layers.Layer):
-    """For every point of t-1: its K nearest points of t, features fused, MLP, max over the K."""
+    """For every point of t-1: its K nearest points of t, features fused, MLP, max over the K.
+
+    With fusion "none" the features of frame t-1 pass unchanged, and frame t is not used.
+    """
 
     def __init__(self, channels: int, config: TrackerConfig, **kwargs):
         super().__init__(**kwargs)
         self.fusion, self.radius = config.fusion, config.association_radius
         self.num_neighbors = config.association_neighbors
+        self.channels, self.local = channels, None
+        self.built = True
+        if self.fusion == "none":
+            return
         self.has_features = config.fusion_keeps_features or self.fusion == "concat"
         edges = {"concat": 0, "elementwise_product": channels}.get(self.fusion, 1)
         single = channels if self.has_features else 0
@@ -61,10 +68,11 @@ class AssociationHead(keras.layers.Layer):
             name="local",
         )
         self.channels = self.local.channels
-        self.built = True
 
     def call(self, previous: Points, current: Points, training: bool) -> tf.Tensor:
         """Points of frame t-1 (B, M, ...) and of frame t (B, L, ...) -> (B, M, widths[-1])."""
+        if self.local is None:
+            return previous.features
         index = neighbors_within(self.num_neighbors, self.radius, current.xyz, previous.xyz)
         edges = None
         if self.fusion != "concat":

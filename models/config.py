@@ -6,10 +6,12 @@ Letters used in models/: B batch, N points, M sampled points, K neighbours, C ch
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product"]  # Table III
+Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product", "none"]
+"""Table III, and none: no association, the refinement sees frame t-1 alone (not in the paper)."""
 FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
+FUSED_FEATURES: tuple[str, ...] = get_args(FusedFeatures)
 
 
 MAX_POINTS, MAX_WIDTH, MAX_NEIGHBORS = 200_000, 8192, 4096

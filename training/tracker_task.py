@@ -16,10 +16,10 @@ import numpy as np
 import tensorflow as tf
 
 from common.config import to_dict
-from models.detector import Detector, DetectorInputs, detector_inputs
+from models.detector import Detector, DetectorInputs, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.losses import total_loss, tracking_losses
-from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
+from models.tracker import EncodedFrame, FusedFeatures, TrackerInputs, TrackingNetwork
 from models.weights import network_hash
 from training.config import TrackerTrainingConfig
 from training.detector_task import joint
@@ -35,6 +35,14 @@ class PairBatch(NamedTuple):
     foreground: tf.Tensor  # (2B, N) int32
 
 
+class KeptBatch(NamedTuple):
+    """A batch after the frozen detector: B frames t-1, then their B frames t."""
+
+    frames: TrackerInputs  # kept points and features of the 2B frames
+    displacement: tf.Tensor  # (2B, N', 3) metres, to the other frame
+    foreground: tf.Tensor  # (2B, N') int32
+
+
 class Prediction(NamedTuple):
     """Displacement (F, M, 3) at some points, the true one, and their foreground (F, M)."""
 
@@ -44,14 +52,32 @@ class Prediction(NamedTuple):
     foreground: tf.Tensor
 
     @classmethod
-    def at(cls, rows: tf.Tensor, displacement: tf.Tensor, batch: PairBatch) -> Prediction:
-        """Adds the targets of the points `rows` (F, M) of the batch's first F frames."""
-        frames = tf.shape(rows)[0]
-        xyz, target, foreground = (
-            tf.gather(x[:frames], rows, batch_dims=1)
-            for x in (batch.inputs.query_xyz, batch.displacement, batch.foreground)
-        )
+    def at(
+        cls, displacement: tf.Tensor, kept: KeptBatch, rows: tf.Tensor | None = None
+    ) -> Prediction:
+        """Adds the targets of the first F frames' kept points, of all or of their `rows` (F, M)."""
+        frames = tf.shape(displacement)[0]
+        targets = (kept.frames.xyz, kept.displacement, kept.foreground)
+        xyz, target, foreground = (x[:frames] for x in targets)
+        if rows is not None:
+            xyz, target, foreground = (
+                tf.gather(x, rows, batch_dims=1) for x in (xyz, target, foreground)
+            )
         return cls(xyz, displacement, target, foreground)
+
+
+def keep(batch: PairBatch, outputs: DetectorOutputs, choose: FusedFeatures) -> KeptBatch:
+    """The points and features that a row of Table IV takes, and their targets; no gradients."""
+    frames = tf.nest.map_structure(tf.stop_gradient, choose(batch.inputs, outputs))
+    displacement, foreground = (
+        tf.gather(x, frames.rows, batch_dims=1) for x in (batch.displacement, batch.foreground)
+    )
+    return KeptBatch(frames, displacement, foreground)
+
+
+def both_frames(sample):
+    """Tensors (B, 2, ...) of a structure -> (2B, ...): B frames t-1, then their B frames t."""
+    return tf.nest.map_structure(lambda part: tf.concat(tf.unstack(part, axis=1), 0), sample)
 
 
 def other_frames(encoded: EncodedFrame) -> EncodedFrame:
@@ -98,36 +124,34 @@ class TrackerTask:
 
     def prepare(self, sample: PairSample) -> PairBatch:
         """Makes the detector's pyramids of indices, in the input pipeline."""
-        frames = PairSample(*(tf.concat(tf.unstack(part, axis=1), 0) for part in sample))
+        frames = both_frames(sample)
         inputs = detector_inputs(frames.points, self.detector.config)
         return PairBatch(inputs, frames.displacement, frames.foreground)
 
-    def detect(self, batch: PairBatch) -> TrackerInputs:
-        """Kept points of the 2B frames and their features, from the frozen detector."""
+    def detect(self, batch: PairBatch) -> KeptBatch:
+        """Kept points of the 2B frames with features of the frozen detector, and their targets."""
         outputs = self.detector(batch.inputs, training=False)
-        frames = self.model.fused_features(batch.inputs, outputs)
-        return tf.nest.map_structure(tf.stop_gradient, frames)
+        return keep(batch, outputs, self.model.fused_features)
 
     def predict_forward(self, batch: PairBatch) -> Prediction:
         """Predicts from the B frames t-1 to their frames t, as in inference."""
-        frames = self.detect(batch)
-        encoded = self.model.encode(frames)
-        pairs = tf.shape(frames.rows)[0] // 2
+        kept = self.detect(batch)
+        encoded = self.model.encode(kept.frames)
+        pairs = tf.shape(kept.foreground)[0] // 2
         previous = tf.nest.map_structure(lambda x: x[:pairs], encoded)
         current = tf.nest.map_structure(lambda x: x[pairs:], encoded)
         displacement = self.model.displacement(previous, current)
-        return Prediction.at(frames.rows[:pairs], displacement, batch)
+        return Prediction.at(displacement, kept)
 
     def predict(self, batch: PairBatch, training: bool) -> tuple[Prediction, Prediction]:
         """Both directions: of the network at the kept points, of the read-out at those of SA2."""
-        frames = self.detect(batch)
-        encoded = self.model.encode(frames, training)
+        kept = self.detect(batch)
+        encoded = self.model.encode(kept.frames, training)
         association = self.model.associate(encoded, other_frames(encoded), training)
         displacement = self.model.refine(encoded, association, training)
-        sampled = tf.gather(frames.rows, encoded.indices.kept_rows, batch_dims=1)
         return (
-            Prediction.at(frames.rows, displacement, batch),
-            Prediction.at(sampled, self.readout(association), batch),
+            Prediction.at(displacement, kept),
+            Prediction.at(self.readout(association), kept, encoded.indices.kept_rows),
         )
 
     def losses(self, batch: PairBatch, training: bool) -> dict[str, tf.Tensor]:
