@@ -1,18 +1,21 @@
-"""Tables III and IV: a tracker trained and evaluated for each value of one choice.
+"""Tables III and IV: a tracker trained and evaluated for each row and seed.
 
-Every row starts from the same seed and sees the same samples in the same order on the same frozen
-detector; its last checkpoint is taken, so nothing is chosen on the sequences of the table. Each is
-evaluated with the detector's boxes and with the true ones, at displacement 0 and 2 m. A trained
-row is skipped the next time, an interrupted one goes on; the networks' outputs are kept too.
+All rows train on the same stored pairs, on the same frozen detector, with the same schedule; a seed
+gives the initial weights and the order of the pairs. The last checkpoint is taken, so nothing is
+chosen on the evaluated sequences. Each tracker is evaluated on the detector's boxes and on true
+ones, at displacement 0 and 2 m (one draw of the object shift, so that the spread is that of the
+trainings). Both tables share a workdir, and the row that is in both. Everything that is done is
+kept there: trainings, the detector's outputs, and metrics; an interrupted table resumes.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,92 +23,124 @@ import numpy as np
 
 from common import flags
 from common.config import to_dict
-from common.config_flags import add_flags
+from common.config_flags import add_flags, from_flags
 from common.errors import InputError
-from common.files import write_bytes, write_json
-from common.markdown import markdown
+from common.files import write_json
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
-from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
+from experiments.ablation_table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
-from experiments.paper import ABLATION_COLUMNS
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
-from models.config import DecodingConfig
-from training.command_line import configured, defaults, train
-from training.config import TrackerTrainingConfig
-from training.sampling.data import add_data_flags, open_data
+from models.config import TrackerConfig
+from training.config import AugmentationConfig, ScheduleConfig, TrackerTrainingConfig
+from training.sampling.data import TrainingData, add_data_flags, open_data
 
 DISTANCES = (0.0, 2.0)
-BOXES = {NETWORK: "network boxes", GROUND_TRUTH: "true boxes"}
+TABLE_FIELDS = ("fusion", "fusion_keeps_features", "fused_features")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A tracker of the table: fields of `TrackerConfig`, and its name in the paper's table."""
+
+    name: str
+    tracker: dict[str, Any]
+    paper: str | None = None
+
+    @property
+    def folder(self) -> str:
+        """The folder of its trainings; the same tracker has the same one in both tables."""
+        tracker = replace(TrackerConfig(), **self.tracker)
+        alone = "" if tracker.fusion_keeps_features else "-alone"
+        return f"{tracker.fused_features}-{tracker.fusion}{alone}"
 
 
 @dataclass(frozen=True)
 class Ablation:
-    """One table.
-
-    Attributes:
-        name: of its files; title: above it.
-        field: of `TrackerConfig`, which the rows differ in.
-        rows: name in the paper -> value of the field.
-        paper: name -> the paper's numbers (`ABLATION_COLUMNS`).
-    """
+    """One table: its file name, its title, its rows, and the paper's, name -> MOTA, ..., ML."""
 
     name: str
     title: str
-    field: str
-    rows: dict[str, str]
-    paper: dict[str, tuple[float, ...]]
+    rows: tuple[Row, ...]
+    paper: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+def default_config() -> TrackerTrainingConfig:
+    """The training of a row: short, with N' = 2000 in the place of 5000."""
+    return TrackerTrainingConfig(
+        tracker=TrackerConfig(num_kept_points=2000),
+        augmentation=AugmentationConfig(object_shift_share=0.7, single_scan_pairs=True),
+        schedule=ScheduleConfig(
+            epochs=1,
+            frames_per_epoch=2000,
+            batch_size=4,
+            cycle_epochs=1,
+            learning_rate_max=1.5e-3,
+            frozen_batch_norm_from=0.5,
+            keep_checkpoints=1,
+        ),
+    )
 
 
 def run_ablation(table: Ablation, doc: str, argv: Sequence[str] | None = None) -> None:
-    """Parses the flags, trains and evaluates the rows, writes the table."""
+    """Parses the flags, trains and evaluates the rows, writes table and picture."""
     args = parse(table, doc, argv)
+    config, data = from_flags(default_config(), args), open_data(args)
     check_writable(args.out)
-    settings = check_settings(table, args)
-    figures = {}
-    for number, (name, value) in enumerate(table.rows.items(), start=1):
-        print(f"{table.name}, row {number} of {len(table.rows)}: {name}", flush=True)
-        folder = args.workdir / value
-        train_row(table, args, name, folder)
-        figures[name] = evaluate_row(args, folder)
+    settings = check_settings(args, config, data)
+    figures: dict[str, list[list[dict[str, Any]]]] = {}
+    for row in table.rows:
+        for seed in range(args.seeds):
+            print(f"{table.name}: {row.name}, seed {seed}", flush=True)
+            figures.setdefault(row.name, []).append(measure_row(row, seed, args, config, data))
+    paper = {row.name: table.paper[row.paper] for row in table.rows if row.paper}
     record = {"settings": settings, "rows": figures}
-    write(args.out, table.name, table.title, text_of(table, args, figures), record)
+    write(args.out, table.name, table.title, text_of(figures, paper, config.schedule), record)
+    draw(args.out / f"{table.name}.png", table.title, figures, paper)
 
 
 def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Namespace:
-    """Data, detector, folders, and one flag for each field of the tracker's training."""
-    parser = flags.ArgumentParser(description=doc.split("\n", maxsplit=1)[0])
+    """Data, weights, folders, and one flag for each field of the tracker's training."""
+    parser = flags.ArgumentParser(description=doc.split("\n", maxsplit=1)[0], epilog=COST)
     add = parser.add_argument
     add_data_flags(parser)
-    add("--detector", type=Path, required=True, help="checkpoint of the frozen detector")
-    add("--workdir", type=Path, required=True, help="trainings, weights and network outputs")
-    add("--out", type=Path, required=True, help=f"folder of {table.name}.md and {table.name}.json")
-    add("--smoke", action="store_true", help="a few steps a row, to see that it runs")
-    add("--deterministic", action="store_true", help="the same bits in every run")
-    add("--score_threshold", type=flags.finite_float, help="least score of a box")
-    add_flags(parser, TrackerTrainingConfig())
+    add("--weights", type=Path, required=True, help="folder of the frozen detector (and its score)")
+    add("--workdir", type=Path, required=True, help="trainings, stored outputs, metrics")
+    add("--out", type=Path, required=True, help=f"folder of {table.name}.md, .json and .png")
+    add("--seeds", type=flags.positive_int, default=3, help="trainings of each row")
+    add_flags(parser, default_config())
     args = parser.parse_args(argv)
     if len(args.val_data_root or []) > 1 or len(args.val_seqs or []) > 1:
         raise InputError("--val_data_root, --val_seqs: expected one, on which rows are evaluated")
     args.val_seqs = args.val_seqs or ["0016-0020"]
-    default = getattr(TrackerTrainingConfig().tracker, table.field)
-    if getattr(configured(args, TrackerTrainingConfig()).tracker, table.field) != default:
-        raise InputError(f"--tracker.{table.field}: is what the rows differ in")
+    tracker = from_flags(default_config(), args).tracker
+    for name in TABLE_FIELDS:
+        if getattr(tracker, name) != getattr(TrackerConfig(), name):
+            raise InputError(f"--tracker.{name}: belongs to the rows of the tables")
     return args
 
 
-def check_settings(table: Ablation, args: argparse.Namespace) -> dict[str, Any]:
+COST = (
+    "On two cores, with the defaults: about 15 minutes a row and seed to train, 2 to evaluate; "
+    "30 minutes once for the detector's outputs; 7 MB of disk for each pair, 3 for each frame."
+)
+
+
+def check_settings(
+    args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
+) -> dict[str, Any]:
     """Settings that all rows share; refuses a workdir whose rows had others."""
-    if not args.detector.is_file():
-        raise InputError("--detector: expected a checkpoint file", args.detector)
-    config = to_dict(configured(args, TrackerTrainingConfig()))
-    del config["tracker"][table.field]
+    if not (args.weights / "detector.npz").is_file():
+        raise InputError("--weights: expected a checkpoint file", args.weights / "detector.npz")
+    shared = to_dict(config)
+    for name in TABLE_FIELDS:
+        del shared["tracker"][name]
     settings = {
-        "config": config,
-        "data": open_data(args).record(),
-        "detector_sha256": hashlib.sha256(args.detector.read_bytes()).hexdigest(),
+        "config": shared,
+        "data": data.record(),
+        "detector_sha256": hashlib.sha256((args.weights / "detector.npz").read_bytes()).hexdigest(),
     }
     path = args.workdir / "settings.json"
     if path.is_file():
@@ -117,103 +152,104 @@ def check_settings(table: Ablation, args: argparse.Namespace) -> dict[str, Any]:
     return settings
 
 
-def train_row(table: Ablation, args: argparse.Namespace, name: str, folder: Path) -> None:
-    """Trains a row to its end, unless that is done: folder/weights holds both networks then."""
-    weights, workdir = folder / "weights", folder / "training"
-    if (weights / "tracker.npz").is_file():
-        return
-    row = defaults(TrackerTrainingConfig())
-    vars(row).update(vars(args))
-    row.workdir, row.resume = workdir, (workdir / "config.json").is_file()
-    setattr(row, f"tracker.{table.field}", table.rows[name])
-    from models.weights import load_detector
-    from training.checkpoint_folder import CheckpointFolder  # TensorFlow only where it is needed
+def measure_row(
+    row: Row, seed: int, args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
+) -> list[dict[str, Any]]:
+    """The metrics of a row and seed, from its file or by training and evaluation."""
+    folder = args.workdir / row.folder / f"seed{seed}"
+    path = folder / "metrics.json"
+    if path.is_file():
+        return json.loads(path.read_text(encoding="utf-8"))
+    import keras
+
+    own = replace(
+        config,
+        tracker=replace(config.tracker, **row.tracker),
+        schedule=replace(config.schedule, seed=seed),
+    )
+    checkpoint = train_row(own, folder, args, config, data)
+    metrics = evaluate_row(checkpoint, own, folder, args)
+    write_json(path, metrics)
+    keras.utils.clear_session()  # graphs of this row
+    gc.collect()
+    return metrics
+
+
+def train_row(
+    own: TrackerTrainingConfig, folder: Path, args, config: TrackerTrainingConfig, data
+) -> Path:
+    """Trains a row to its end, unless that is done; returns its last checkpoint."""
+    from models.weights import load_detector  # TensorFlow only where it is needed
+    from training.checkpoint_folder import CheckpointFolder
+    from training.loop import run_training, start
+    from training.sampling.pipeline import make_order
+    from training.stored_pairs import StoredPairsTask, store_pairs
+    from training.strategies import make_strategy, seed_everything
     from training.tracker_task import TrackerTask
-    from visualization.training_pictures import tracker_picture
 
-    def task(config, training, validation):
-        return TrackerTask(config, load_detector(args.detector), training, validation)
+    workdir, schedule = folder / "training", own.schedule
+    detector, pairs = args.weights / "detector.npz", args.workdir / "pairs"
+    task = TrackerTask(config, load_detector(detector), data.training, [])
+    size = schedule.batch_size
+    order = make_order(task.samples.items, data.pools, 0, size, config.schedule.seed)
+    count = schedule.frames_per_epoch or len(task.samples.items)
+    store_pairs(task, order, count, pairs)
+    seed_everything(schedule.seed, deterministic=False)
+    run = start(
+        lambda: StoredPairsTask(own, load_detector(detector), pairs, count),
+        make_strategy("one"),
+        workdir,
+        {**data.record(), "pairs": count},
+    )
+    resume = (workdir / "config.json").is_file()
+    try:
+        run_training(run, resume)
+    finally:
+        run.close()
+    checkpoints = CheckpointFolder(workdir / "checkpoints", schedule.keep_checkpoints)
+    return checkpoints.path(checkpoints.steps()[-1])
 
-    config = configured(row, TrackerTrainingConfig())
-    checkpoints = CheckpointFolder(workdir / "checkpoints", config.schedule.keep_checkpoints)
-    if not _at_its_end(checkpoints, config.schedule.epochs) and train(
-        row, task, config, tracker_picture
-    ):
-        raise InputError(f"{name}: the training diverged", workdir)
-    last = checkpoints.path(checkpoints.steps()[-1])
-    write_bytes(weights / "detector.npz", args.detector.read_bytes())
-    write_bytes(weights / "tracker.npz", last.read_bytes())
 
-
-def _at_its_end(checkpoints, epochs: int) -> bool:
-    """Whether the last checkpoint is that of the last epoch, metrics included."""
-    from models.checkpoint import load
-
-    steps = checkpoints.steps()
-    return bool(steps) and load(checkpoints.path(steps[-1]))[0]["metrics"].get("epoch") == epochs
-
-
-def evaluate_row(args: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
+def evaluate_row(
+    checkpoint: Path, own: TrackerTrainingConfig, folder: Path, args: argparse.Namespace
+) -> list[dict[str, Any]]:
     """`clear3d` for either kind of boxes at each displacement, and the end-point error there."""
-    cached = CachedPredictions(folder / "network_cache", folder / "weights")
+    from experiments.stored_frames import StoredDetections, store_frames
+    from models.boxes.box_score import load_scorer
+    from models.inference import StreamingNetwork
+    from models.weights import load_detector, load_tracker, network_hash
+
+    detector = load_detector(args.weights / "detector.npz")
+    scorer = load_scorer(args.weights, network_hash(detector))
+    tracker = load_tracker(checkpoint, detector)
+    network = StreamingNetwork(detector, tracker, scorer, min_score=0.0)
     figures = []
     for distance in DISTANCES:
-        config = EvaluateConfig(
+        settings = EvaluateConfig(
             data_root=Path((args.val_data_root or args.data_root)[0]),
             seqs=tuple(parse_sequences(args.val_seqs[0])),
             tracker="pointtracknet",
-            weights=folder / "weights",
+            weights=args.weights,
             object_shift=distance,
         )
-        scenes = config.open_scenes()
-        cached.fill_all(scenes, f"D = {distance:g} m")
-        errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
+        scenes = settings.open_scenes()
+        frames = args.workdir / "frames" / own.tracker.fused_features / f"D{distance:g}"
+        store_frames(network, scenes, frames, f"detector, D = {distance:g} m")
+        found = StoredDetections(tracker, frames)
+        errors = np.concatenate([end_point_errors(scene, found) for scene in scenes])
         providers: dict[str, DetectionProvider] = {
-            NETWORK: cached,
-            GROUND_TRUTH: LabelBoxesWithPredictedMotion(cached),
+            NETWORK: found,
+            GROUND_TRUTH: LabelBoxesWithPredictedMotion(found),
         }
         for boxes, provider in providers.items():
-            chosen = replace(
-                config,
-                detections=boxes,
-                score_threshold=args.score_threshold if boxes == NETWORK else None,
-                out=folder / f"{boxes}-{distance:g}m",
-            )
+            out = folder / f"{boxes}-{distance:g}m"
+            record = evaluate(replace(settings, detections=boxes, out=out), provider=provider)
             figures.append(
                 {
                     "boxes": boxes,
                     "displacement": distance,
                     "end_point_error": float(errors.mean()) if len(errors) else None,
-                    "clear3d": evaluate(chosen, provider=provider)["clear3d"]["overall"],
+                    "clear3d": record["clear3d"]["overall"],
                 }
             )
     return figures
-
-
-def text_of(table: Ablation, args: argparse.Namespace, figures: dict[str, list]) -> str:
-    """The paper's columns beside the paper's rows, then MOTA and end-point errors everywhere."""
-    lines, wide = [], []
-    for name, settings in figures.items():
-        first = settings[0]["clear3d"]
-        lines.append([name, *(_cell(first[key]) for key in ABLATION_COLUMNS)])
-        lines.append([f"paper: {name}", *(_cell(value) for value in table.paper[name])])
-        errors = [s["end_point_error"] for s in settings if s["boxes"] == NETWORK]
-        wide.append([name, *(_cell(s["clear3d"]["MOTA"]) for s in settings), *map(_cell, errors)])
-    columns = [f"{BOXES[s['boxes']]}, {s['displacement']:g} m" for s in settings]
-    columns += [f"error, {distance:g} m" for distance in DISTANCES]
-    schedule = configured(args, TrackerTrainingConfig()).schedule
-    samples = schedule.frames_per_epoch or "all"
-    given = args.score_threshold
-    least = DecodingConfig().min_score if given is None else given
-    return (
-        f"Network boxes at 0 m, `clear3d`, IoU 0.5, boxes of score {least:g} "
-        f"or more. Each row one training: {schedule.epochs} epochs of {samples} pairs, seed "
-        f"{schedule.seed}. The paper's rows are of KITTI's validation sequences.\n\n"
-        + markdown(["", *ABLATION_COLUMNS], lines)
-        + "\nMOTA with either boxes at both displacements, and the end-point error of the "
-        "displacement on foreground points in metres:\n\n" + markdown(["", *columns], wide)
-    )
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"

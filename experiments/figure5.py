@@ -1,8 +1,11 @@
-"""Figure 5 of the paper: MOTA of each tracker over the displacement, ground-truth boxes.
+"""Figure 5 of the paper: MOTA of each tracker over the displacement, on true and detected boxes.
 
-    python -m experiments.figure5 --data_root KITTI --out results/figure5
+    python -m experiments.figure5 --data_root SCANS --seqs 0016,0018 --weights weights --out results
 
-Writes figure5.csv (mean and spread over the seeds) and figure5.png.
+With `--weights` and scans: PointTrackNet with the displacement that its network predicts, and a
+second panel on the network's boxes. Without: the baselines and Algorithm 1 with the displacement of
+the labels (the paper's "gt_tracking"), on true boxes. The networks run once for each distance and
+seed, about 0.2 s a frame. Writes figure5.csv (mean and spread over the seeds), .json and .png.
 """
 
 from __future__ import annotations
@@ -12,41 +15,70 @@ from pathlib import Path
 
 from common import flags
 from common.errors import InputError
-from common.files import atomic_path, write_text
+from common.files import atomic_path, write_json, write_text
+from common.provenance import provenance
+from evaluation.config import GROUND_TRUTH, NETWORK
 from experiments.paper import TABLE5
 from experiments.runs import (
     TRACKER_NAMES,
     Run,
+    add_network_flags,
     add_shift_flags,
     common_fields,
     make_parser,
     mean_and_spread,
     measure_rows,
+    network_fields,
 )
 
-TRACKERS = ("gt_displacement", "deep_sort", "sort")
+PANELS = {GROUND_TRUTH: "Ground-truth boxes", NETWORK: "The detector's boxes"}
+BASELINES = ("ab3dmot", "deep_sort", "sort")
+COLORS = {
+    "gt_displacement": "tab:gray",
+    "pointtracknet": "tab:red",
+    "ab3dmot": "tab:green",
+    "deep_sort": "tab:orange",
+    "sort": "tab:blue",
+}
+PAPER = {"SORT": "sort", "DEEP_SORT": "deep_sort", "PointTrackNet": "pointtracknet"}
 DISTANCES = "0,0.5,1,1.5,2"
-HEADER = "tracker,displacement_m,seeds,mota_mean,mota_std\n"
-Curve = list[tuple[float, int, float, float]]
+HEADER = "boxes,tracker,displacement_m,seeds,mota_mean,mota_std\n"
+Curves = dict[tuple[str, str], list[tuple[float, int, float, float]]]
+"""(boxes, tracker) -> distance, seeds, mean and standard deviation of MOTA."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs every tracker at every distance."""
     parser = make_parser(__doc__)
     add_shift_flags(parser)
+    add_network_flags(parser)
     parser.add_argument("--distances", default=DISTANCES, help="metres, separated by commas")
     args = parser.parse_args(argv)
     fields, distances = common_fields(args), parse_distances(args.distances)
+    panels = {GROUND_TRUTH: ("gt_displacement", *BASELINES)}
+    if args.weights is not None:
+        fields |= network_fields(args)
+        panels[GROUND_TRUTH] = ("gt_displacement", "pointtracknet", *BASELINES)
+        panels[NETWORK] = ("pointtracknet", *BASELINES)
     rows = {
-        (tracker, distance): Run(tracker=tracker, object_shift=distance, **fields)
-        for tracker in TRACKERS
+        (boxes, tracker, distance): Run(
+            tracker=tracker, detections=boxes, object_shift=distance, **fields
+        )
+        for boxes, trackers in panels.items()
+        for tracker in trackers
         for distance in distances
     }
-    curves: dict[str, Curve] = {tracker: [] for tracker in TRACKERS}
-    for (tracker, distance), metrics in measure_rows(rows, args.seeds, "figure 5").items():
+    values = measure_rows(rows, args.seeds, "figure 5")
+    curves: Curves = {}
+    for (boxes, tracker, distance), metrics in values.items():
         mota = mean_and_spread([found["MOTA"] for found in metrics])
-        curves[tracker].append((distance, len(metrics), *mota))
+        curves.setdefault((boxes, tracker), []).append((distance, len(metrics), *mota))
+    figures = [
+        {"boxes": boxes, "tracker": tracker, "displacement": distance, "per_seed": metrics}
+        for (boxes, tracker, distance), metrics in values.items()
+    ]
     write_text(args.out / "figure5.csv", csv_text(curves))
+    write_json(args.out / "figure5.json", {"run": provenance(), "figures": figures})
     draw(args.out / "figure5.png", curves)
     print(csv_text(curves), end="")
 
@@ -62,33 +94,45 @@ def parse_distances(text: str) -> list[float]:
     return distances
 
 
-def csv_text(curves: dict[str, Curve]) -> str:
-    """One line per tracker and displacement."""
+def csv_text(curves: Curves) -> str:
+    """One line per boxes, tracker and displacement."""
     return HEADER + "".join(
-        f"{tracker},{distance:g},{seeds},{mean:.6f},{spread:.6f}\n"
-        for tracker, curve in curves.items()
+        f"{boxes},{tracker},{distance:g},{seeds},{mean:.6f},{spread:.6f}\n"
+        for (boxes, tracker), curve in curves.items()
         for distance, seeds, mean, spread in curve
     )
 
 
-def draw(path: Path, curves: dict[str, Curve]) -> None:
-    """The curves with their spread, and the paper's end points as crosses."""
+def draw(path: Path, curves: Curves) -> None:
+    """A panel for either kind of boxes: curves with a band over seeds, the paper's ends as x."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
-    axes = figure.subplots()
-    for tracker, curve in curves.items():
-        distance, _, mean, spread = zip(*curve, strict=True)
-        axes.errorbar(
-            distance, mean, spread, capsize=3, marker="o", ms=4, label=TRACKER_NAMES[tracker]
-        )
-    for name, ends in TABLE5["gt"].items():
-        axes.plot(list(ends), [row[0] for row in ends.values()], "x", label=f"paper: {name}")
-    axes.set(xlabel="displacement, up to (m)", ylabel="MOTA", title="Ground-truth boxes")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    panels = [boxes for boxes in PANELS if any(key[0] == boxes for key in curves)]
+    figure = Figure(figsize=(5.2 * len(panels), 4.2), layout="constrained")
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for boxes, axis in zip(panels, axes, strict=True):
+        for (where, tracker), curve in curves.items():
+            if where == boxes:
+                _curve(axis, tracker, curve)
+        paper = TABLE5["gt" if boxes == GROUND_TRUTH else "predicted"]
+        for name, ends in paper.items():
+            motas, color = [row[0] for row in ends.values()], COLORS[PAPER[name]]
+            axis.plot(list(ends), motas, "x", color=color, label=f"paper: {name}")
+        axis.set(xlabel="displacement, up to (m)", title=PANELS[boxes])
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7)
+    axes[0].set_ylabel("MOTA")
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120, metadata={"Software": None})
+
+
+def _curve(axis, tracker: str, curve: list[tuple[float, int, float, float]]) -> None:
+    distance, _, mean, spread = zip(*curve, strict=True)
+    color = COLORS[tracker]
+    axis.plot(distance, mean, "o-", ms=4, color=color, label=TRACKER_NAMES[tracker])
+    low = [m - s for m, s in zip(mean, spread, strict=True)]
+    high = [m + s for m, s in zip(mean, spread, strict=True)]
+    axis.fill_between(distance, low, high, color=color, alpha=0.2, linewidth=0)
 
 
 if __name__ == "__main__":

@@ -53,6 +53,9 @@ TABLE4 = {
     "Filter + FC1": (0.739, 0.800, 0.710, 0.034),
 }
 
+# Table VI: PointTrackNet on KITTI's test server, the six columns above.
+TABLE6 = (0.6823, 0.7657, 0.6062, 0.1231, 111, 725)
+
 # AB3DMOT's published evaluation of its own tracker on PointRCNN cars of the 11 sequences below, at
 # the score threshold of the best MOTA (its docs/KITTI.md): sAMOTA, MOTA, MOTP, IDS, FRAG, FP, FN.
 AB3DMOT_SEQUENCES = (1, 6, 8, 10, 12, 13, 14, 15, 16, 18, 19)

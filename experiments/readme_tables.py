@@ -5,8 +5,8 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. It is the text of
 docs/tables/NAME.md without its title, and one line about the run that made it (date, commit,
-machine, versions, command) from docs/tables/NAME.json. Where NAME.md is not there, one line names
-the experiment that makes it. The table `summary` is made of validation.json and real.json.
+machine, versions, command) from docs/tables/NAME.json. Where NAME.md is not there, one line says
+so. The table `summary` is made of validation.json and real.json.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _table(tables: Path, name: str) -> str:
         return summary(*(_read(tables / f"{exam}.json")["figures"] for exam in EXAMS.values()))
     path, record = tables / f"{name}.md", tables / f"{name}.json"
     if not path.is_file():
-        return f"Not measured yet: `python -m experiments.{name}` makes it.\n"
+        return "Not measured yet; the command above makes it.\n"
     lines = path.read_text(encoding="utf-8").splitlines()
     if record.is_file():
         lines = [line for line in lines if not COMMAND.match(line)]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, TypeVar
@@ -16,7 +18,9 @@ from common import flags
 from common.files import write_json, write_text
 from common.progress import Progress
 from common.provenance import provenance
-from evaluation.config import GROUND_TRUTH, EvaluateConfig, parse_names, parse_seqs
+from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_names, parse_seqs
+from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
+from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
 from kitti.object_shift import DEFAULT_READING, ObjectShift
 
@@ -24,10 +28,13 @@ Key = TypeVar("Key", bound=Hashable)
 
 WORKERS = 2
 NICE = 5
+SPAWN = get_context("spawn")
+"""Processes start afresh: one forked beside TensorFlow's threads may wait for ever."""
 TRACKER_NAMES = {
     "pointtracknet": "PointTrackNet",
     "pointtracknet_probation": "PointTrackNet, probation of 3",
     "sort": "SORT",
+    "sort_image": "SORT, image boxes",
     "deep_sort": "DEEP_SORT",
     "ab3dmot": "AB3DMOT",
     "gt_displacement": "Algorithm 1, label motion",
@@ -46,8 +53,26 @@ def make_parser(doc: str, seqs: str = "0016-0020") -> flags.ArgumentParser:
 def add_shift_flags(parser: flags.ArgumentParser) -> None:
     """Adds --classes and --seeds."""
     add = parser.add_argument
-    add("--classes", type=parse_names, default="Car", help="tracked, and evaluated on both sides")
+    add(
+        "--classes",
+        type=parse_names,
+        default="Car,Van",
+        help="tracked, and evaluated on both sides",
+    )
     add("--seeds", type=flags.positive_int, default=5, help="of the object shift")
+
+
+def add_network_flags(parser: flags.ArgumentParser) -> None:
+    """Adds --weights and --network_cache, for the rows that need the networks and scans."""
+    add = parser.add_argument
+    add("--weights", type=Path, metavar="DIR", help="networks; none: no rows that need them")
+    add("--network_cache", type=Path, metavar="DIR", help="their outputs (default: in --out)")
+
+
+def network_fields(args: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `Run` for a row that needs the networks."""
+    cache = args.network_cache or args.out / "network_cache"
+    return {"weights": args.weights, "network_cache": cache}
 
 
 def common_fields(args: argparse.Namespace) -> dict[str, Any]:
@@ -73,7 +98,10 @@ def write(out: Path, name: str, title: str, tables: str, figures: Any, **details
 
 @dataclass(frozen=True)
 class Run:
-    """One `clear3d` evaluation of one tracker; fields as in `EvaluateConfig`."""
+    """One evaluation of one tracker; fields as in `EvaluateConfig` and `ObjectShift`.
+
+    A run with the networks' boxes or displacement takes them from the files in `network_cache`.
+    """
 
     data_root: Path
     seqs: tuple[int, ...]
@@ -85,32 +113,67 @@ class Run:
     score_threshold: float | None = None
     length: str = DEFAULT_READING[0]
     hold: bool = DEFAULT_READING[1]
+    protocol: str = "clear3d"
+    weights: Path = Path("weights")
+    network_cache: Path | None = None
+
+    @property
+    def config(self) -> EvaluateConfig:
+        """The evaluation, but for the reading of the shift."""
+        return EvaluateConfig(
+            data_root=self.data_root,
+            seqs=self.seqs,
+            classes=self.classes,
+            detections=self.detections,
+            tracker=self.tracker,
+            object_shift=self.object_shift,
+            seed=self.seed,
+            score_threshold=self.score_threshold,
+            protocols=(self.protocol,),
+            weights=self.weights,
+        )
+
+    @property
+    def shift(self) -> ObjectShift | None:
+        """The object shift in this reading, None for none."""
+        if not self.object_shift:
+            return None
+        return ObjectShift(self.object_shift, self.seed, self.length, self.hold)
+
+    @property
+    def cached(self) -> CachedPredictions | None:
+        """The cached outputs of the networks, None for a run without them."""
+        if not self.config.needs_network:
+            return None
+        return CachedPredictions(self.network_cache, self.weights)
 
 
 def measure(run: Run) -> dict[str, Any]:
-    """The overall `clear3d` figures of a run."""
-    config = EvaluateConfig(
-        data_root=run.data_root,
-        seqs=run.seqs,
-        classes=run.classes,
-        detections=run.detections,
-        tracker=run.tracker,
-        object_shift=run.object_shift,
-        seed=run.seed,
-        score_threshold=run.score_threshold,
-    )
-    shift = None
-    if run.object_shift:
-        shift = ObjectShift(run.object_shift, run.seed, run.length, run.hold)
-    return evaluate(config, shift)["clear3d"]["overall"]
+    """The overall metrics of a run."""
+    provider: DetectionProvider | None = run.cached
+    if provider is not None and run.detections != NETWORK:
+        provider = LabelBoxesWithPredictedMotion(provider)
+    return evaluate(run.config, run.shift, provider)[run.protocol]["overall"]
+
+
+def fill_caches(runs: Iterable[Run]) -> None:
+    """Runs the networks once for every scene and object shift of the runs that need them."""
+    for run in runs:
+        if (cached := run.cached) is not None:
+            title = f"networks, D = {run.object_shift:g} m, seed {run.seed}"
+            cached.fill_all(run.config.open_scenes(run.shift), title)
 
 
 def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, Any]]:
-    """Figures of each distinct run, by run."""
+    """Metrics of each distinct run, by run; the networks run first, in a process of their own."""
     runs = list(dict.fromkeys(runs))
+    different = {(run.seqs, run.shift): run for run in runs if run.config.needs_network}
+    if different:
+        with ProcessPoolExecutor(1, SPAWN) as pool:
+            pool.submit(fill_caches, list(different.values())).result()
     figures = {}
     with (
-        ProcessPoolExecutor(WORKERS, initializer=os.nice, initargs=(NICE,)) as pool,
+        ProcessPoolExecutor(WORKERS, SPAWN, initializer=_quietly) as pool,
         Progress(len(runs), description, "runs") as bar,
     ):
         waiting = {pool.submit(measure, run): run for run in runs}
@@ -118,6 +181,12 @@ def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, An
             figures[waiting[done]] = done.result()
             bar.update()
     return {run: figures[run] for run in runs}
+
+
+def _quietly() -> None:
+    """A process that shows no progress of its own and leaves the machine to others."""
+    os.nice(NICE)
+    sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for the life of the process
 
 
 def over_seeds(base: Run, seeds: int) -> list[Run]:

@@ -1,9 +1,10 @@
 """Table IV of the paper: the tracker with each choice of the layers whose features are fused.
 
-    python -m experiments.table4 --data_root DATA --seqs 0000-0015 --val_data_root VAL \
-        --detector weights/detector.npz --workdir runs/table4 --out results/table4
+    python -m experiments.table4 --data_root DATA --seqs 0001-0015 --val_data_root VAL \
+        --val_seqs 0016,0018 --weights weights --workdir runs/ablations --out results/tables
 
-See `experiments.ablation` for what is trained, evaluated and written.
+See `experiments.ablation` for what is trained and evaluated; with the workdir of Table III the row
+that is in both is trained once.
 """
 
 from __future__ import annotations
@@ -11,19 +12,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from common import flags
-from experiments.ablation import Ablation, run_ablation
+from experiments.ablation import Ablation, Row, run_ablation
 from experiments.paper import TABLE4
 
 FEATURES = Ablation(
     name="table4",
     title="Table IV: layers whose features are fused",
-    field="fused_features",
-    rows={
-        "DSA2 + DFP2": "DSA2+DFP2",
-        "DSA3 + DFP3": "DSA3+DFP3",
-        "Filter + FC2": "filter+FC2",
-        "Filter + FC1": "filter+FC1",
-    },
+    rows=(
+        Row("DSA2 + DFP2", {"fused_features": "DSA2+DFP2"}, "DSA2 + DFP2"),
+        Row("DSA3 + DFP3", {"fused_features": "DSA3+DFP3"}, "DSA3 + DFP3"),
+        Row("Filter + FC2", {"fused_features": "filter+FC2"}, "Filter + FC2"),
+        Row("Filter + FC1", {"fused_features": "filter+FC1"}, "Filter + FC1"),
+    ),
     paper=TABLE4,
 )
 

@@ -48,6 +48,7 @@ ROW = tuple(
     for word in pair
 )
 TRACKING = "tests/experiments/test_tracking_experiments.py"
+NETWORKS = "tests/experiments/test_network_tables.py"
 ABLATION = "tests/experiments/test_ablation.py"
 DECODING = "tests/studies/test_decoding_parameters.py"
 MAKE = "tests/test_readme_commands.py::test_make_runs_what_the_documents_say"
@@ -83,14 +84,21 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     '"index": 0': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
     '"index": 1': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
-    "experiments.table3": f"{ABLATION}::test_table3_goes_on_where_it_was_interrupted",
-    "experiments.table4": f"{ABLATION}::test_table4_trains_a_row",
+    "experiments.table3": f"{ABLATION}::test_tables_share_a_row_and_resume",
+    "experiments.table4": f"{ABLATION}::test_tables_share_a_row_and_resume",
     "experiments.evaluate_networks": Here(KITTI),
-    "experiments.table5": f"{TRACKING}::test_table5_has_a_row_of_ours_above_each_of_the_papers",
-    "studies.displacement_readings": (
-        f"{TRACKING}::test_readings_mark_the_default_once_per_tracker"
+    "experiments.table5 --data_root KITTI": (
+        f"{TRACKING}::test_table5_has_parts_for_both_classes_beside_the_papers_rows"
     ),
-    "experiments.figure5": f"{TRACKING}::test_figure5_writes_curve_and_picture",
+    "experiments.table5 --data_root data/exam": f"{NETWORKS}::test_networks_run_once",
+    "studies.displacement_readings": (
+        f"{TRACKING}::test_readings_mark_the_default_and_choose_on_training_sequences"
+    ),
+    "studies.deep_sort_noise": (
+        f"{TRACKING}::test_deep_sort_noise_default_is_a_scale_of_the_study"
+    ),
+    "experiments.figure5": f"{NETWORKS}::test_networks_run_once",
+    "experiments.table6": f"{NETWORKS}::test_networks_run_once",
     "experiments.ab3dmot": f"{TRACKING}::test_ab3dmot_table_stands_beside_the_published_rows",
     "studies.decoding_parameters": f"{DECODING}::test_from_end_to_end",
     "visualize.py scene": Here(KITTI),

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 from helpers import two_cars
 from helpers.config_flags import config_flags
@@ -13,11 +14,11 @@ from common import flags
 from common.errors import InputError
 from common.provenance import command
 from experiments import ablation, table3, table4
-from experiments.ablation import DISTANCES
-from experiments.paper import ABLATION_COLUMNS
+from experiments.ablation import DISTANCES, TABLE_FIELDS
+from experiments.ablation_table import differences, order_sentence
 from models.config import TrackerConfig
 
-SHORT = ("epochs=1", "frames_per_epoch=2", "batch_size=1", "validation_frames=1")
+SHORT = ("epochs=1", "frames_per_epoch=2", "batch_size=1")
 
 
 @pytest.fixture(scope="module")
@@ -32,89 +33,99 @@ def root(tmp_path_factory):
 
 def arguments(root, out, *more) -> list[str]:
     words = ["--data_root", root, "--seqs", "0001", "--val_seqs", "0000"]
-    words += ["--detector", root / "weights" / "detector.npz", "--workdir", out / "work"]
-    words += ["--out", out / "tables", "--score_threshold", "0"]
+    words += ["--weights", root / "weights", "--workdir", out / "work"]
+    words += ["--out", out / "tables", "--seeds", "2"]
     for pair in SHORT:
         name, value = pair.split("=")
         words += [f"--schedule.{name}", value]
-    small = dataclasses.replace(
-        SMALL_TRACKER,
-        fusion=TrackerConfig().fusion,
-        fused_features=TrackerConfig().fused_features,
-    )
+    shared = {name: getattr(TrackerConfig(), name) for name in TABLE_FIELDS}
+    small = dataclasses.replace(SMALL_TRACKER, **shared)
     return [str(word) for word in (*words, *config_flags(small, "tracker"), *more)]
 
 
 def rows_of(table, *names):
-    return dataclasses.replace(table, rows={name: table.rows[name] for name in names})
+    return dataclasses.replace(table, rows=tuple(r for r in table.rows if r.name in names))
 
 
 @pytest.mark.slow
-def test_table3_goes_on_where_it_was_interrupted(root, tmp_path, monkeypatch):
-    names = ("elementwise product", "cosine distance")
+def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
+    names = ("cosine distance", "no association")
     monkeypatch.setattr(table3, "FUSIONS", rows_of(table3.FUSIONS, *names))
-    trained, train = [], ablation.train
+    four = rows_of(table4.FEATURES, "DSA2 + DFP2", "Filter + FC1")
+    monkeypatch.setattr(table4, "FEATURES", four)
+    trained, train_row = [], ablation.train_row
 
-    def train_and_note(row, task, config):
-        trained.append((config.tracker.fusion, row.resume))
+    def train_and_note(own, folder, *more):
+        trained.append((own.tracker.fusion, own.tracker.fused_features, own.schedule.seed))
         if len(trained) == 2:
             raise KeyboardInterrupt
-        return train(row, task, config)
+        return train_row(own, folder, *more)
 
-    monkeypatch.setattr(ablation, "train", train_and_note)
+    monkeypatch.setattr(ablation, "train_row", train_and_note)
     argv = arguments(root, tmp_path)
     assert flags.run(table3.main, argv) == flags.INTERRUPTED
     assert not (tmp_path / "tables" / "table3.md").exists()
+    pair = tmp_path / "work" / "pairs" / "filter+FC1" / "000000.npz"
+    stored = pair.stat().st_mtime_ns
     assert flags.run(table3.main, argv) == 0
-    assert [name for name, _ in trained] == ["elementwise_product", *2 * ["cosine_distance"]]
+    cosine, none = ("cosine_distance", "filter+FC1"), ("none", "filter+FC1")
+    assert trained == [(*cosine, 0), (*cosine, 1), (*cosine, 1), (*none, 0), (*none, 1)]
 
     record = json.loads((tmp_path / "tables" / "table3.json").read_text())["figures"]
     assert list(record["rows"]) == list(names)
-    for settings in record["rows"].values():
+    for settings in (run for runs in record["rows"].values() for run in runs):
         assert [(s["boxes"], s["displacement"]) for s in settings] == [
             (boxes, distance) for distance in DISTANCES for boxes in ("network", "gt")
         ]
         assert all(s["clear3d"]["GT"] == 2 * 3 for s in settings)  # two cars, three frames
         assert all(s["clear3d"]["FN"] == 0 for s in settings if s["boxes"] == "gt")
         assert all(s["end_point_error"] > 0 for s in settings)
+    first, second = ([s["end_point_error"] for s in run] for run in record["rows"][names[0]])
+    assert first != second  # another seed is another training
     text = " ".join((tmp_path / "tables" / "table3.md").read_text().split())
     assert f"Made by `{' '.join(command().split())}`" in text
-    assert "| paper: cosine distance | 0.747 | 0.811 | 0.680 | 0.047 |" in text
-    assert "| true boxes, 2 m |" in text and "1 epochs of 2 pairs, seed 0" in text
+    assert "| paper: cosine distance | 0.747 | 0.811 | 0.680 | 0.047 | - | - |" in text
+    assert "## True boxes, D = 2 m" in text and "2 trainings of 1 x 2 pairs" in text
+    assert (tmp_path / "tables" / "table3.png").read_bytes().startswith(b"\x89PNG")
 
-    (tmp_path / "work" / "cosine_distance" / "weights" / "tracker.npz").unlink()
-    assert flags.run(table3.main, argv) == 0  # killed between the last step and the export
-    assert len(trained) == 3
-    assert json.loads((tmp_path / "tables" / "table3.json").read_text())["figures"] == record
+    assert flags.run(table4.main, argv) == 0
+    assert [t[1] for t in trained[5:]] == ["DSA2+DFP2"] * 2  # the other row is Table III's
+    assert pair.stat().st_mtime_ns == stored
+    rows = json.loads((tmp_path / "tables" / "table4.json").read_text())["figures"]["rows"]
+    assert rows["Filter + FC1"] == record["rows"]["cosine distance"]
+    with np.load(tmp_path / "work" / "pairs" / "DSA2+DFP2" / "000000.npz") as file:
+        assert file["xyz"].shape[0] == 2 and file["features"].dtype == np.float16
 
     with pytest.raises(InputError, match="holds rows with another config"):
         table3.main([*argv, "--schedule.seed", "1"])
 
 
-@pytest.mark.slow
-def test_table4_trains_a_row(root, tmp_path, monkeypatch):
-    name = "DSA2 + DFP2"
-    monkeypatch.setattr(table4, "FEATURES", rows_of(table4.FEATURES, name))
-    assert flags.run(table4.main, arguments(root, tmp_path)) == 0
-    text = (tmp_path / "tables" / "table4.md").read_text()
-    assert text.count(name) == 3  # ours, the paper's, and the second table's
-    config = json.loads((tmp_path / "work" / "DSA2+DFP2" / "training" / "config.json").read_text())
-    assert config["config"]["tracker"]["fused_features"] == "DSA2+DFP2"
+def test_rows_are_the_papers_and_two_of_ours():
+    for table, own in ((table3.FUSIONS, 2), (table4.FEATURES, 0)):
+        assert [row.paper for row in table.rows if row.paper] == list(table.paper)
+        assert len(table.rows) == len(table.paper) + own
+        folders = [row.folder for row in table.rows]
+        assert len(set(folders)) == len(folders) and "filter+FC1-cosine_distance" in folders
 
 
-def test_rows_are_the_papers():
-    for table in (table3.FUSIONS, table4.FEATURES):
-        assert list(table.rows) == list(table.paper)
-        assert all(len(row) == len(ABLATION_COLUMNS) for row in table.paper.values())
-        choices = set(table.rows.values())
-        assert len(choices) == 4 and getattr(TrackerConfig(), table.field) in choices
+def motas(*values, boxes="network", distance=0.0):
+    return [[{"boxes": boxes, "displacement": distance, "clear3d": {"MOTA": v}}] for v in values]
+
+
+def test_differences_are_those_above_the_spread():
+    figures = {"a": motas(0.7, 0.72), "b": motas(0.71, 0.73), "c": motas(0.5, 0.52)}
+    found = differences(figures, ("network", 0.0))
+    assert found.endswith("(2 of 3): a > c; b > c.")
+    paper = {"a": (0.9,), "b": (0.8,), "c": (0.7,)}
+    assert order_sentence(figures, paper).endswith("is a > b > c; at D = 0 m ours is b > a > c.")
+    assert order_sentence(figures, {"b": (0.9,), "c": (0.1,)}).endswith("ours is the same.")
 
 
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (("--tracker.fusion", "concat"), "is what the rows differ in"),
-        (("--detector", "none.npz"), "none.npz: --detector: expected a checkpoint"),
+        (("--tracker.fusion", "concat"), "belongs to the rows of the tables"),
+        (("--weights", "none"), "none/detector.npz: --weights: expected a checkpoint"),
         (("--seqs", "0000"), "--seqs: expected one, or one for each --data_root"),
     ],
 )

@@ -11,7 +11,9 @@ from common.errors import InputError
 from experiments import ab3dmot, figure5, table5
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, TABLE5, TABLE5_COLUMNS
 from experiments.runs import Run, mean_and_spread, measure, over_seeds, shown
-from studies import displacement_readings
+from kitti.object_shift import LENGTHS
+from studies import deep_sort_noise, displacement_readings
+from tracking.deep_sort import DeepSortParameters, noise_of_scale
 
 
 def arguments(root, out, *more) -> list[str]:
@@ -49,36 +51,70 @@ def test_held_shifts_leave_a_tracker_as_it_was(tiny_root):
     assert mota(object_shift=2.0) < mota()
 
 
-def test_table5_has_a_row_of_ours_above_each_of_the_papers(tiny_root, tmp_path):
+def test_table5_has_parts_for_both_classes_beside_the_papers_rows(tiny_root, tmp_path):
     detections = ("--detections", tiny_root / "detections")
     table5.main(arguments(tiny_root, tmp_path, "--seeds", 2, *detections))
-    rows = [
-        line
-        for line in (tmp_path / "table5.md").read_text().splitlines()
-        if re.search(r", \d m ", line)
+    text = (tmp_path / "table5.md").read_text()
+    titles = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    assert titles == [
+        "Ground-truth boxes of Car and Van",
+        "Ground-truth boxes of Car",
+        "PointRCNN's boxes of Car, score of at least 2",
     ]
-    assert len(rows) == 2 * 2 * 3 * 2  # halves, displacements, trackers, ours and the paper's
-    assert [row.startswith("| paper: ") for row in rows] == [False, True] * 12
+    rows = [line for line in text.splitlines() if re.search(r", \d m ", line)]
+    assert len(rows) == 3 * 2 * (5 + 3)  # parts, displacements, trackers and the paper's
+    used = {row.split("|")[1].split(",")[0].strip(): row.split("|")[2].strip() for row in rows}
+    assert used["Algorithm 1"] == "of the labels" and used["paper: PointTrackNet"] == "predicted"
     figures = json.loads((tmp_path / "table5.json").read_text())
     assert "versions" in figures["run"]
-    per_seed = {(f["tracker"], f["displacement"]): len(f["per_seed"]) for f in figures["figures"]}
-    assert per_seed["sort", 0.0] == 1 and per_seed["sort", 2.0] == 2
+    per_seed = {(f["tracker"], f["displacement"]): f["per_seed"] for f in figures["figures"]}
+    assert len(per_seed["sort", 0.0]) == 1 and len(per_seed["sort_image", 2.0]) == 2
+    assert per_seed["gt_displacement", 0.0][0]["IDS"] == 0
 
 
-def test_readings_mark_the_default_once_per_tracker(tiny_root, tmp_path):
-    displacement_readings.main(arguments(tiny_root, tmp_path, "--seeds", 1))
+def test_readings_mark_the_default_and_choose_on_training_sequences(tiny_root, tmp_path):
+    argv = arguments(tiny_root, tmp_path, "--seeds", 1, "--val_seqs", "0001")
+    displacement_readings.main(argv)
     text = (tmp_path / "displacement_readings.md").read_text()
-    assert text.count(" *: ") == len(displacement_readings.TRACKERS)
-    assert "held: SORT" in text and "fresh: DEEP_SORT" in text
+    assert "fresh in each frame *" in text and "held by an object" in text
+    figures = json.loads((tmp_path / "displacement_readings.json").read_text())["figures"]
+    assert len(figures["training"]) == 2 * len(LENGTHS) * len(displacement_readings.PAPER_NAMES)
+    assert {f["per_seed"][0]["GT"] for f in figures["training"]} != {
+        f["per_seed"][0]["GT"] for f in figures["validation"]
+    }
+
+
+def test_nearest_reading_is_that_of_sort_in_either_space():
+    def row(mota):
+        return [{"MOTA": mota}]
+
+    measured = {
+        ("uniform", False, "sort"): row(0.04),
+        ("uniform", False, "sort_image"): row(0.35),
+        ("per_axis_positive", False, "sort_image"): row(0.57),
+        ("per_axis", False, "deep_sort"): row(0.601),
+    }
+    assert displacement_readings.nearest(measured) == ("per_axis_positive", False, "sort_image")
+
+
+def test_deep_sort_noise_default_is_a_scale_of_the_study(tiny_root, tmp_path):
+    argv = arguments(tiny_root, tmp_path, "--seeds", 2, "--classes", "Car")
+    deep_sort_noise.main(argv)
+    assert (tmp_path / "deep_sort_noise.md").read_text().count(" m * ") == 1
+    chosen = DeepSortParameters().noise
+    assert chosen == noise_of_scale(chosen.process_box)
+    assert chosen.process_box in deep_sort_noise.SCALES
 
 
 def test_figure5_writes_curve_and_picture(tiny_root, tmp_path):
     more = ("--seeds", 1, "--distances", "0,2")
     figure5.main(arguments(tiny_root, tmp_path, *more))
     lines = (tmp_path / "figure5.csv").read_text().splitlines()
-    assert lines[0] + "\n" == figure5.HEADER and len(lines) == 1 + 3 * 2
-    assert "gt_displacement,2,1,1.000000,0.000000" in lines
+    assert lines[0] + "\n" == figure5.HEADER and len(lines) == 1 + 4 * 2
+    assert "gt,gt_displacement,2,1,1.000000,0.000000" in lines
     assert (tmp_path / "figure5.png").read_bytes().startswith(b"\x89PNG")
+    figures = json.loads((tmp_path / "figure5.json").read_text())["figures"]
+    assert len(figures) == len(lines) - 1
 
 
 def test_ab3dmot_table_stands_beside_the_published_rows(tiny_root, tmp_path):
