@@ -11,6 +11,7 @@ Writes scorer.json into the folder of weights, and calibration.json and reliabil
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -94,6 +95,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     pairs = list(zip(domains, found, strict=True))
     groups = [(scored(d.frames, s, RIGHT_IOU), counted_vehicles(d.frames)) for d, s in pairs]
     min_score = best_threshold([(boxes, max(total, 1)) for boxes, total in groups])
+    min_score = math.floor(1000 * min_score) / 1000  # three digits, as it is shown
     scorer = fit.scorer(network_hash(detector), min_score)
     parts = {k: report(d.frames, s, min_score) for k, (d, s) in zip(roots, pairs, strict=True)}
     if exam:

@@ -364,9 +364,25 @@ def _resume(run: TrainingRun, folder: CheckpointFolder) -> int:
     if meta["config"] != to_dict(run.task.config):
         changed = _changes(meta["config"], to_dict(run.task.config))
         raise InputError(f"was made with another configuration: {changed}", path)
+    if _sampled(meta["record"]) != _sampled(run.started):
+        raise InputError("was made with other training sequences or shares", path)
     with run.strategy.scope():
         checkpoint.restore(path, arrays, **run.groups)
     return int(meta["step"])
+
+
+def _sampled(record: dict) -> tuple:
+    """Numbers of the training sequences and the shares of a record; roots may have moved."""
+    data = record.get("data") or {}
+    pools = ((pool["share"], pool["sequences"]) for pool in data.get("shares", ()))
+    return (
+        _numbers(data.get("training", ())),
+        [(share, _numbers(sequences)) for share, sequences in pools],
+    )
+
+
+def _numbers(sequences) -> list[str]:
+    return [Path(sequence).name for sequence in sequences]
 
 
 def _changes(old: dict, new: dict, prefix: str = "") -> str:

@@ -129,11 +129,14 @@ def test_two_workers_equal_one_with_the_joint_batch(tiny_data, tmp_path):
     assert losses[0] == pytest.approx(losses[1], rel=1e-3)
 
 
-def detector_run(data, workdir, schedule, **changes):
+def detector_run(data, workdir, schedule, trained=("data/0000",), **changes):
     sequences = open_sequences(data, [0], "training")
     config = DetectorTrainingConfig(SMALL_DETECTOR, schedule=schedule, **changes)
     return loop.start(
-        lambda: DetectorTask(config, sequences, sequences), make_strategy("one"), workdir, {}
+        lambda: DetectorTask(config, sequences, sequences),
+        make_strategy("one"),
+        workdir,
+        {"training": list(trained)},
     )
 
 
@@ -153,6 +156,10 @@ def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
     other = dataclasses.replace(SHORT, seed=5)
     with pytest.raises(InputError, match=r"another configuration: schedule.seed 0 -> 5"):
         loop.run_training(detector_run(tiny_data, tmp_path, other), resume=True)
+    with pytest.raises(InputError, match=r"made with other training sequences or shares"):
+        loop.run_training(detector_run(tiny_data, tmp_path, SHORT, ["data/0001"]), resume=True)
+    moved = detector_run(tiny_data, tmp_path, SHORT, ["elsewhere/0000"])
+    assert loop.run_training(moved, resume=True) == again
 
 
 def test_a_loss_that_is_not_finite_stops_and_keeps_the_checkpoint(tiny_data, tmp_path):
