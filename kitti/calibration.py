@@ -41,6 +41,8 @@ _SHAPES = {
 _WRITTEN = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
 _MAX_NUMBER = 1e6  # metres, pixels
+_FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
+_MAX_OFFSET = 50.0  # metres between sensors of a car
 _ROTATION_TOLERANCE = 1e-2  # KITTI's own matrices are orthonormal to about 1e-7
 
 
@@ -124,8 +126,8 @@ def read_calibration(path: str | Path) -> Calibration:
     """
     found: dict[str, np.ndarray] = {}
     for number, line in enumerate(read_lines(path), 1):
-        words = line.split()
-        name = words[0].rstrip(":") if words else ""
+        words = line.replace(":", " ", 1).split()
+        name = words[0] if words else ""
         name = _ALIASES.get(name, name)
         if name not in _SHAPES:
             continue
@@ -151,7 +153,7 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         expected = shape[0] * shape[1]
         raise InputError(f"{name}: expected {expected} numbers, found {len(words)}", path, line)
     try:
-        matrix = np.array([float(word) for word in words]).reshape(shape)
+        matrix = np.array([np.nan if "_" in word else float(word) for word in words]).reshape(shape)
     except ValueError as error:
         raise InputError(f"{name}: expected numbers, {error}", path, line) from error
     if not np.isfinite(matrix).all():
@@ -164,13 +166,31 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         if matrix.min() < 1:
             raise InputError(f"{name}: expected width and height of 1 pixel at least", path, line)
         return matrix
-    if name.startswith("P"):
-        if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-            raise InputError(f"{name}: expected positive focal lengths", path, line)
+    if name.startswith("P"):  # other projections are not used; converters write zeros
+        fault = _fault_of_projection(matrix) if name == "P2" else ""
+        if fault:
+            raise InputError(f"{name}: {fault}", path, line)
         return matrix
     if not is_rotation(matrix[:, :3]):
         raise InputError(f"{name}: its left 3x3 block is not a rotation", path, line)
+    if np.abs(matrix[:, 3:]).max(initial=0.0) > _MAX_OFFSET:
+        expected = f"expected an offset of at most {_MAX_OFFSET:.0f} metres"
+        raise InputError(f"{name}: {expected}, found {matrix[:, 3]}", path, line)
     return matrix
+
+
+def _fault_of_projection(matrix: np.ndarray) -> str:
+    """Of a (3, 4) matrix that is no projection f 0 cx tx, 0 f cy ty, 0 0 1 tz; "" for none."""
+    focal = matrix[[0, 1], [0, 1]]
+    if not _FOCAL_LENGTHS[0] <= focal.min() <= focal.max() <= _FOCAL_LENGTHS[1]:
+        low, high = _FOCAL_LENGTHS
+        return f"expected focal lengths of {low:.0f} to {high:.0f} pixels, found {focal}"
+    rows = matrix[:, :3] / [[focal[0]], [focal[1]], [1.0]]
+    if np.abs(rows[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] - (0, 0, 0, 0, 1)).max() > _ROTATION_TOLERANCE:
+        return "expected rows f 0 cx tx, 0 f cy ty, 0 0 1 tz of a rectified camera"
+    if np.abs(matrix[:2, 3] / focal).max() > _MAX_OFFSET:
+        return f"expected an offset of at most {_MAX_OFFSET:.0f} metres"
+    return ""
 
 
 def write_calibration(path: str | Path, calib: Calibration) -> None:

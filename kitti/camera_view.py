@@ -33,6 +33,7 @@ _EXPECTED = (
     "--scan_scale) and the calibration of this scanner (--calib, --image_size)"
 )
 _FEW = 1000  # points; fewer do not determine a scene
+_RANGE = (1.0, 120.0)  # metres, median of the ranges; KITTI's is 9, of the part in view 15
 _HIGH = 0.7  # height of a street scene to its wider horizontal side; KITTI's is below 0.2
 _FLAT = 0.3  # spread of the heights of a road to that of what stands on it; KITTI's is 0.1
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
@@ -127,10 +128,11 @@ def check_view(
     """
     seen = total = 0
     for points in scans:
-        level = calib.velo_to_level(points[:, :3])
+        returned = (points[:, :3] != 0).any(axis=1)  # some scanners give 0 0 0 for no return
+        level = calib.velo_to_level(points[returned, :3])
         inside = in_camera_view(level, calib, image_size)
         _check_axes(level, level[inside])
-        seen, total = seen + int(inside.sum()), total + len(points)
+        seen, total = seen + int(inside.sum()), total + len(level)
     if seen < LEAST_SHARE * total:
         raise InputError(
             f"--scans: {seen} of {total} points lie in the camera's view ({image_size[0]} x "
@@ -146,6 +148,9 @@ def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
     """
     if len(level) < _FEW:
         return
+    middle = np.median(np.linalg.norm(level, axis=1))
+    if not _RANGE[0] < middle < _RANGE[1]:
+        raise InputError(f"--scans: a median range of {middle:.3g} m: {_EXPECTED}")
     low, high = np.percentile(level, (5, 95), axis=0)
     x, y, z = high - low
     spread = f"the points spread {x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"

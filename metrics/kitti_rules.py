@@ -101,6 +101,12 @@ def in_dontcare(
         strict=True,
     )
     for rows, regions in frames:
-        share = covered(results.bbox[rows], dontcare.bbox[regions])
-        inside[rows] = (share > rules.max_dontcare + EPS).any(axis=1)
+        inside[rows] = boxes_in_dontcare(results.bbox[rows], dontcare.bbox[regions], rules)
     return inside
+
+
+def boxes_in_dontcare(
+    boxes: np.ndarray, regions: np.ndarray, rules: KittiRules = RULES
+) -> np.ndarray:
+    """(K,) bool: boxes (K, 4) of which most lies in one of the regions (D, 4) of their frame."""
+    return (covered(boxes, regions) > rules.max_dontcare + EPS).any(axis=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.npy import parse_npy
+from kitti.scans.ply import parse_ply
 
 _COMPRESSION = 300  # at most, of LZF: three bytes encode 264
 
@@ -49,18 +49,9 @@ def _parse_pcd(data: bytes) -> np.ndarray:
     return points
 
 
-def _parse_ply(data: bytes) -> np.ndarray:
-    from plyfile import PlyData
-
-    counts = re.findall(rb"^element\s+\S+\s+(\d+)", data[:10_000], re.MULTILINE)
-    if any(int(count) > len(data) for count in counts):
-        raise ValueError(f"{max(map(int, counts))} elements declared in {len(data)} bytes")
-    return PlyData.read(io.BytesIO(data))["vertex"].data
-
-
 CLOUD_PARSERS: dict[str, Callable[[bytes], np.ndarray]] = {
     ".npy": parse_npy,
     ".pcd": _parse_pcd,
-    ".ply": _parse_ply,
+    ".ply": parse_ply,
 }
 """By suffix."""

@@ -11,7 +11,7 @@ from common.errors import InputError
 MAX_RANGE = 1000.0
 """Metres along an axis; a point beyond it is a fault of the scanner."""
 _INTENSITY = ("intensity", "i", "reflectance", "reflectivity", "scalar_intensity", "remission")
-_TRANSPOSED = 32  # columns; more of them in 3 or 4 rows are points side by side
+_TRANSPOSED = 12  # columns; more of them in 3 or 4 rows are points side by side
 
 
 def as_points(array: Any) -> tuple[np.ndarray, int]:
@@ -22,27 +22,30 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
             fields x, y, z and perhaps intensity.
 
     A point without a return (NaN or infinity in x, y or z) and one beyond `MAX_RANGE` are dropped;
-    the intensity, which nothing depends on, may be NaN.
+    masked values count as NaN. The intensity, which nothing depends on, may be NaN.
 
     Raises:
         InputError: another shape or type, or no finite point at all, or more than half beyond
             `MAX_RANGE`.
     """
     try:
-        array = np.asarray(array)
+        array = np.asanyarray(array)
     except ValueError as error:
         raise InputError(f"expected an array of points: {error}") from error
     if array.dtype.names is not None:
         array = from_fields(array)
+    elif isinstance(array, np.ma.MaskedArray):
+        array = array.astype(np.float64).filled(np.nan)
     if array.dtype.kind not in "fiu":
         raise InputError(f"expected points of real numbers, found dtype {array.dtype}")
-    shape = array.shape
+    shape, array = array.shape, np.asarray(array)
+    if len(shape) in (2, 3) and shape[0] in (3, 4) and shape[-1] > _TRANSPOSED:
+        expected = "(n, >=3) or (H, W, >=3)"
+        raise InputError(f"expected points of shape {expected}, found {shape}: transpose it")
     if array.ndim == 3:
         array = array.reshape(-1, shape[2])
     if array.ndim != 2 or array.shape[1] < 3:
         raise InputError(f"expected points of shape (n, >=3) or (H, W, >=3), found {shape}")
-    if array.shape[0] in (3, 4) and array.shape[1] > _TRANSPOSED:
-        raise InputError(f"expected points of shape (n, >=3), found {shape}: transpose it")
     return _returns(array[:, :4])
 
 
@@ -56,7 +59,8 @@ def _returns(points: np.ndarray) -> tuple[np.ndarray, int]:
     far = int(finite.sum() - near.sum())
     if far > near.sum():
         raise InputError(
-            f"expected metres, found {far} of {len(points)} points beyond {MAX_RANGE:.0f} m"
+            f"expected metres, found {far} of {len(points)} points beyond {MAX_RANGE:.0f} m "
+            "(--scan_scale reads files in other units)"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # an intensity may be any number
         return points[near].astype(np.float32), len(points) - int(near.sum())

@@ -17,6 +17,11 @@ MAX_SPAN = 100_000
 """Most frames from the first scan to the last."""
 _NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
 _NANOSECONDS = 9  # digits
+_DATE = re.compile(  # year, month, day, hour, minute, second, fraction
+    r"\D*(\d{4})[-_]?(\d\d)[-_]?(\d\d)[-_T ]+(\d\d)[-_:]?(\d\d)[-_:]?(\d\d)(?:[._,-](\d{1,9}))?\D*",
+    re.ASCII,
+)
+_TIMES = "names are times; they give the order, and gaps are not known"
 
 
 def find_scans(folder: str | Path) -> dict[int, Path]:
@@ -24,8 +29,9 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
 
     Names are numbers of any width (000007, 7, 0000000007), perhaps between a text that is the same
     in all names (scan_7, 0016_7). They are the frame numbers, and a number that is left out is a
-    frame without a scan. Times (numbers from 10^6 on, or two numbers such as seconds.nanoseconds)
-    are put in order and numbered from 0. Hidden files are passed over.
+    frame without a scan. Times (numbers from 10^6 on, two numbers such as seconds.nanoseconds, or
+    dates such as 2011-09-26_13-02-25) are put in order and numbered from 0. Hidden files are
+    passed over.
 
     Raises:
         InputError: there is no such folder or no scan in it; files of several formats; names that
@@ -44,13 +50,28 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
     kinds = sorted({path.suffix.lower() for path in paths})
     if len(kinds) > 1:
         raise InputError(f"--scans: expected files of one format, found {' '.join(kinds)}", folder)
-    return _numbered(paths) if len(paths) > 1 else _single(paths[0])
+    if len(paths) == 1:
+        return _single(paths[0])
+    return _by_dates(paths) or _numbered(paths)
 
 
 def _single(path: Path) -> dict[int, Path]:
     match = _NUMBER.fullmatch(path.stem)
     number = int(match[1]) if match and match[3] is None else 0
     return {number if number < MAX_FRAME_NUMBER else 0: path}
+
+
+def _by_dates(paths: list[Path]) -> dict[int, Path] | None:
+    """Names that are dates with times such as 2011-09-26_13-02-25.123, in order; else None."""
+    matches = [_DATE.fullmatch(path.stem) for path in paths]
+    if not all(matches):
+        return None
+    keys = [(*map(int, match.groups()[:6]), Decimal(f"0.{match[7] or 0}")) for match in matches]
+    if len(set(keys)) < len(keys):
+        raise InputError("--scans: two scans have the same time", paths[0].parent)
+    note(f"{paths[0].parent}: {_TIMES}")
+    order = sorted(zip(keys, paths, strict=True))
+    return {frame: path for frame, (_, path) in enumerate(order)}
 
 
 def _numbered(paths: list[Path]) -> dict[int, Path]:
@@ -116,7 +137,7 @@ def _check_times(paths: list[Path], matches: list[re.Match[str]]) -> None:
         raise InputError(
             f"--scans: {names} are of several sequences, expected those of one", paths[0].parent
         )
-    note(f"{paths[0].parent}: names are times; they give the order, and gaps are not known")
+    note(f"{paths[0].parent}: {_TIMES}")
 
 
 def _key(match: re.Match[str]) -> tuple:

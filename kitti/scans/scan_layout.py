@@ -24,8 +24,19 @@ _CANDIDATES = (
     (*KITTI_COLUMNS, "t"),
     (*KITTI_COLUMNS, "ring", "t"),
     (*KITTI_COLUMNS, "t", "ring"),
+    ("x", "y", "z", "_", "i", "_", "_", "_"),  # PCL's PointXYZI in memory
 )
-_NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4", ">f8": ">f8"}
+_NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4", ">f8": ">f8", "<f2": "float16"}
+_MAGIC = {
+    b"\x93NUMPY": ".npy file",
+    b"# .PCD": ".pcd file",
+    b"ply\n": ".ply file",
+    b"ply\r": ".ply file",
+    b"PK\x03\x04": "zip archive",
+    b"\x1f\x8b": "gzip file",
+    b"LASF": "LAS file",
+    b"\x89HDF": "HDF5 file",
+}
 _SCALE = "; --scan_scale "
 _DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])")
 _MILLIMETRES = 4000.0  # the median range of a scan is between 4 and 40 metres
@@ -33,6 +44,7 @@ _FAR = 500.0  # metres; no automotive scanner measures farther
 _MAX_INTENSITY = 65535.0
 _MOST = {"i": _MAX_INTENSITY, "ring": 255.0, "t": 2e9}
 _STRAY = 0.01  # share of implausible numbers that a right layout may hold
+_LOW = 1.0  # metres; less than the height of any scene, and as much as an intensity up to 1
 _FLAT = 0.6  # of a scene: its height's spread to that of its wider horizontal axis
 
 
@@ -87,6 +99,9 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
         dtype = dtype.newbyteorder("<")
     size = dtype.itemsize * len(columns)
     given = layout.columns is not None or layout.dtype is not None
+    magic = "" if given else next((_MAGIC[key] for key in _MAGIC if data.startswith(key)), "")
+    if magic:
+        raise InputError(f"expected raw float32 numbers, found a {magic} by another name", path)
     if not data or len(data) % size:
         hint = "" if given or not data else _hint(data)
         raise InputError(
@@ -121,6 +136,9 @@ def named_columns(numbers: np.ndarray, columns: tuple[str, ...], scale: float = 
 def _implausible(numbers: np.ndarray) -> str:
     """The fault of (n, 4) numbers that are no x, y, z in metres and intensity; "" if plausible."""
     xyz, intensity = numbers[:, :3], numbers[:, 3]
+    padded = (xyz[:, 0] != 0) & (xyz[:, 1:] == 0).all(axis=1)
+    if padded.sum() > 20 and padded.mean() > _STRAY:
+        return f"{padded.mean():.0%} of the points at y = z = 0"
     if -_FAR <= xyz.min() <= xyz.max() <= _FAR and 0 <= intensity.min() <= intensity.max() <= 255:
         return ""
     with np.errstate(invalid="ignore"):
@@ -150,7 +168,7 @@ def _hint(data: bytes) -> str:
         for rank, columns in enumerate(_CANDIDATES):
             if len(data) % (np.dtype(dtype).itemsize * len(columns)) == 0:
                 numbers = np.frombuffer(data, dtype).reshape(-1, len(columns))
-                with np.errstate(invalid="ignore"):
+                with np.errstate(all="ignore"):
                     flatness = _flatness(numbers.astype(np.float64), columns)
                 if flatness < _FLAT:
                     found.append((-len(columns), rank, flatness, dtype, ",".join(columns)))
@@ -174,6 +192,8 @@ def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:
             return np.inf
         if name == "ring" and (column != np.rint(column)).any():
             return np.inf
+        if name == "_" and np.ptp(column) > 0:
+            return np.inf
     low, high = np.percentile(xyz, (5, 95), axis=0)
-    width = max(high[:2] - low[:2])
-    return (high[2] - low[2]) / width if width > 0 and strange.mean() <= _STRAY else np.inf
+    width, height = max(high[:2] - low[:2]), high[2] - low[2]
+    return height / width if height > _LOW and strange.mean() <= _STRAY else np.inf

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from helpers.small_files import ply
 
 from campaigns.mutations import damaged, nasty_word
 from common.config import from_dict, parse_json, to_dict
@@ -97,7 +98,6 @@ def _clouds() -> dict[str, bytes]:
     """A small cloud in every format, by file name."""
     import tempfile
 
-    from plyfile import PlyData, PlyElement
     from pypcd4 import Encoding, PointCloud
 
     rng = np.random.default_rng(0)
@@ -111,9 +111,8 @@ def _clouds() -> dict[str, bytes]:
         write_scan(root / "0.bin", points)
         np.save(root / "1.npy", points)
         np.save(root / "2.npy", fields)
-        for i, text in ((3, True), (4, False)):
-            element = PlyElement.describe(fields, "vertex")
-            PlyData([element], text=text).write(root / f"{i}.ply")
+        for i, form in ((3, "ascii"), (4, "binary_little_endian")):
+            (root / f"{i}.ply").write_bytes(ply(fields, form))
         for i, encoding in enumerate(("ascii", "binary", "binary_compressed"), 5):
             cloud = PointCloud.from_points(points, names, (np.float32,) * 4)
             cloud.save(root / f"{i}.pcd", encoding=Encoding(encoding))

@@ -53,6 +53,17 @@ def test_a_scene_that_does_not_lie_is_refused(order, signs, message):
         check(street()[:, order] * signs)
 
 
+@pytest.mark.parametrize("scale", [0.04, 10, 100])
+def test_another_unit_is_refused(scale):
+    with pytest.raises(InputError, match=r"a median range of .* m: expected .* metres"):
+        check(street() * scale)
+
+
+def test_points_at_the_origin_are_no_returns(capsys):
+    assert check(np.concatenate([street(), np.zeros((90_000, 3))])) == check(street())
+    assert capsys.readouterr().err == ""
+
+
 def test_a_scene_turned_sideways_or_in_another_unit_is_noted(capsys):
     check(street()[:, [1, 0, 2]])
     assert "if y is ahead, give --scan_columns y,-x,z,i" in capsys.readouterr().err

@@ -58,6 +58,15 @@ def test_projection_is_p2_times_camera_coordinates(calib):
     assert calib.project_level(np.zeros((0, 3)))[0].shape == (0, 2)
 
 
+def test_colons_of_any_kind_and_projections_that_are_not_used(tmp_path):
+    (tmp_path / "c.txt").write_text(NEW.replace(": ", ":").replace("P2:", "P2 : "))
+    tight = read_calibration(tmp_path / "c.txt")
+    np.testing.assert_array_equal(tight.p2, np.array(P.split(), float).reshape(3, 4))
+    zeros = " ".join(["0"] * 12)
+    (tmp_path / "c.txt").write_text(NEW.replace(f"P0: {P}", f"P0: {zeros}"))
+    assert not read_calibration(tmp_path / "c.txt").p0.any()
+
+
 def test_odometry_and_raw_data(tmp_path):
     (tmp_path / "odometry.txt").write_text(f"{PROJECTIONS}Tr: {VELO}\n")
     calib = read_calibration(tmp_path / "odometry.txt")
@@ -121,7 +130,16 @@ def _without(key):
         (NEW + f"P2: {P}\n", 8, "P2 is there twice"),
         (NEW.replace(EYE, "2 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
         (NEW.replace(EYE, "-1 0 0 0 1 0 0 0 1"), 5, "not a rotation"),
-        (NEW.replace("700", "0"), 1, "positive focal"),
+        (NEW.replace("700", "0"), 3, "expected focal lengths of 10 to 20000 pixels"),
+        (NEW.replace("700", "1e5"), 3, "expected focal lengths of 10 to 20000 pixels"),
+        (
+            NEW.replace(P, P.replace(" 1 ", " 2 ")),
+            3,
+            "expected rows f 0 cx tx, 0 f cy ty, 0 0 1 tz",
+        ),
+        (NEW.replace(P, "9" + P[3:]), 3, "expected focal lengths"),
+        (NEW.replace("-0.27", "-270"), 6, "expected an offset of at most 50 metres"),
+        (NEW.replace("-0.27", "-0_27"), 6, "expected finite numbers"),
         (NEW.replace("-0.27", "1e308"), 6, "expected numbers of magnitude 1e.06 at most"),
         (NEW + "S_rect_02: 0 375\n", 8, "expected width and height of 1 pixel at least"),
     ],

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from plyfile import PlyData, PlyElement
+from helpers.small_files import ply
 from pypcd4 import Encoding, PointCloud
 
 from common.errors import InputError
@@ -30,6 +30,11 @@ def times(count: int = 1200) -> np.ndarray:
     return np.linspace(0, 0.1, count)
 
 
+def pcl() -> np.ndarray:
+    """(n, 8) float32: x, y, z, 1, intensity, 0, 0, 0, as PCL's PointXYZI lies in memory."""
+    return np.insert(np.pad(cloud(), ((0, 0), (0, 3))), 3, 1.0, axis=1).astype(np.float32)
+
+
 @pytest.mark.parametrize(
     ("numbers", "columns", "dtype"),
     [
@@ -37,6 +42,7 @@ def times(count: int = 1200) -> np.ndarray:
         (np.column_stack([cloud(), ring()]).astype("f4"), "x,y,z,i,ring", "float32"),
         (cloud().astype("f8"), "x,y,z,i", "float64"),
         (cloud()[:, :3].astype("f8"), "x,y,z", "float64"),
+        (pcl(), "x,y,z,_,i,_,_,_", "float32"),
         (cloud().astype(">f4"), "x,y,z,i", ">f4"),
         (cloud().astype(">f8"), "x,y,z,i", ">f8"),
         (cloud()[:, [3, 0, 1, 2]], "i,x,y,z", "float32"),
@@ -110,7 +116,7 @@ def _write(path, kind):
     elif kind == "npy, organised":
         np.save(path, cloud().reshape(30, 40, 4))
     elif kind in ("ply", "ply, ascii"):
-        PlyData([PlyElement.describe(structured, "vertex")], text="ascii" in kind).write(path)
+        path.write_bytes(ply(structured, "ascii" if "ascii" in kind else "binary_little_endian"))
     else:
         points = PointCloud.from_points(cloud(), NAMES, (np.float32,) * 4)
         points.save(path, encoding=Encoding(kind.split(", ")[1]))
@@ -141,6 +147,17 @@ def test_formats(tmp_path, kind):
     )
 
 
+def test_ply_of_other_number_types_and_elements(tmp_path):
+    wide = np.zeros(2, [("x", ">f8"), ("y", ">f8"), ("z", ">f8"), ("intensity", "u1")])
+    wide["x"], wide["y"], wide["z"], wide["intensity"] = (1, 2), (3, 4), (5, 6), (7, 8)
+    fields = b"property double x\nproperty double y\nproperty float64 z\nproperty uchar intensity\n"
+    head = b"ply\r\nformat binary_big_endian 1.0\r\nelement camera 3\nproperty short a\n"
+    head += b"element vertex 2\n" + fields + b"end_header\r\n"
+    (tmp_path / "0.ply").write_bytes(head + bytes(6) + wide.tobytes())
+    points, _ = read_points(tmp_path / "0.ply")
+    np.testing.assert_array_equal(points, [[1, 3, 5, 7], [2, 4, 6, 8]])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_is_one_line(tmp_path, kind):
     path = tmp_path / f"0.{kind[:3]}"
@@ -163,6 +180,23 @@ def test_damage_is_one_line(tmp_path, kind):
     [
         ("0.txt", b"1 2 3", "expected a scan ending in .bin, .npy, .pcd, .ply"),
         ("0.npy", b"\x93NUMPY", "not a whole .npy file"),
+        ("0.bin", b"\x93NUMPY" + bytes(122), "expected raw float32 numbers, found a .npy file"),
+        ("0.bin", b"\x1f\x8b" + bytes(30), "found a gzip file by another name"),
+        ("0.ply", b"obj\n", "expected a header from ply to end_header"),
+        ("0.ply", b"ply\nelement vertex 0\nend_header\n", "expected a format"),
+        ("0.ply", b"ply\nformat ascii 2.0\nend_header\n", "unknown line in the header"),
+        ("0.ply", b"ply\nformat ascii 1.0\nend_header\n", "expected an element vertex"),
+        (
+            "0.ply",
+            b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int a\n"
+            b"element vertex 1\nproperty float x\nend_header\n1 2\n3\n",
+            "expected the vertices before the lists of element face",
+        ),
+        (
+            "0.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n",
+            "expected 2 lines of 1 numbers",
+        ),
         ("0.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nend_header\n", "declared"),
         (
             "0.pcd",

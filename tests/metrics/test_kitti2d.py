@@ -12,6 +12,7 @@ from helpers.metric_cases import random_entry, rows
 
 from common.errors import InputError
 from kitti.labels import Objects, read_labels, read_results, write_labels, write_results
+from metrics.kitti_rules import boxes_in_dontcare
 from metrics.protocols import Entry, evaluate_protocol
 
 FIELDS = {"TP": "CLR_TP", "FP": "CLR_FP", "FN": "CLR_FN", "IDS": "IDSW", "FRAG": "Frag"}
@@ -205,3 +206,10 @@ def linked(path: Path) -> Objects:
                 ids[before[np.where(free, gap, np.inf).argmin()]] if free.any() else next(fresh)
             )
     return replace(detections, track_id=ids)
+
+
+def test_half_of_a_box_in_a_region_is_not_most_of_it():
+    boxes = np.array([[0.0, 0, 10, 10], [0, 0, 10, 10.1], [50, 50, 60, 60]])
+    regions = np.array([[0.0, 0, 10, 5], [-5, 5, 15, 30]])
+    assert boxes_in_dontcare(boxes, regions).tolist() == [False, True, False]
+    assert boxes_in_dontcare(boxes, regions[:0]).tolist() == [False] * 3

@@ -13,10 +13,10 @@ import tensorflow as tf
 
 from common.progress import progress
 from kitti.boxes import points_in_boxes, project_boxes
-from kitti.iou import covered, iou_3d
+from kitti.iou import iou_3d
 from kitti.labels import VEHICLES
 from kitti.sequence import KittiSequence
-from metrics.kitti_rules import RULES
+from metrics.kitti_rules import boxes_in_dontcare
 from models.boxes.box_decoding import Clusters, cluster
 from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
@@ -101,7 +101,6 @@ class CandidateFinder:
         clusters, likely = cluster(proposals, self.decoding), likely.numpy()
         boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
         projected = np.nan_to_num(project_boxes(boxes, sequence.calib, sequence.image_size))
-        dontcare = covered(projected, regions) > RULES.max_dontcare
         return Candidates(
             drive=f"{sequence.data_root.resolve().name}/{sequence.name}",
             t=t,
@@ -109,7 +108,7 @@ class CandidateFinder:
             features=cluster_features(clusters, xyz[0], likely) if len(boxes) else {},
             iou=iou_3d(truth, clusters.boxes),
             points=_counts(points, truth),
-            ignorable=dontcare.any(axis=1),
+            ignorable=boxes_in_dontcare(projected, regions),
             truth=truth,
             foreground=_means(xyz[0], likely, truth),
         )
