@@ -105,9 +105,11 @@ class StreamingNetwork:
         fold_batch_norm(detector)
         fold_batch_norm(tracker)
         points = tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)
-        self._detect = tf.function(self._detect_graph, input_signature=[points], jit_compile=False)
-        self._encode = tf.function(tracker.encode, jit_compile=False)
-        self._associate = tf.function(tracker.displacement, jit_compile=False)
+        # Their control flow is Python's alone: AutoGraph would take most of the first call.
+        options = {"jit_compile": False, "autograph": False}
+        self._detect = tf.function(self._detect_graph, input_signature=[points], **options)
+        self._encode = tf.function(tracker.encode, **options)
+        self._associate = tf.function(tracker.displacement, **options)
 
     def _detect_graph(self, xyz):
         inputs = detector_inputs(xyz, self.detector.config)

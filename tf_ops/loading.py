@@ -12,6 +12,7 @@ from types import ModuleType
 import tensorflow as tf
 
 ENVIRONMENT = "TF_OPS_LIBRARY"  # another build of the library, e.g. one with a sanitizer
+DEFAULT = Path(__file__).resolve().parent / "build" / "libtf_ops.so"
 _LOCK = threading.Lock()
 
 
@@ -21,8 +22,7 @@ class LibraryError(ImportError):
 
 def library_path() -> Path:
     """Path of the compiled ops."""
-    default = Path(__file__).resolve().parent / "build" / "libtf_ops.so"
-    return Path(os.environ.get(ENVIRONMENT, default))
+    return Path(os.environ.get(ENVIRONMENT, DEFAULT))
 
 
 def load_library() -> ModuleType:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 EPSILON = 1e-5  # as in DEEP_SORT: a pair beyond the gate is a little dearer than any within
 
@@ -39,6 +38,8 @@ def hungarian(cost: np.ndarray, max_cost: float) -> Matching:
     """
     if cost.size == 0:
         return _matching([], cost.shape)
+    from scipy.optimize import linear_sum_assignment  # slow to import; Algorithm 1 is greedy
+
     rows, columns = linear_sum_assignment(np.minimum(cost, max_cost + EPSILON))
     kept = cost[rows, columns] <= max_cost
     return _matching(zip(rows[kept], columns[kept], strict=True), cost.shape)

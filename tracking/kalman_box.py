@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 
 STATE, BOX, YAW = 10, 7, 6
 POSITION, VELOCITY = slice(0, 3), slice(7, 10)
@@ -73,6 +72,8 @@ class KalmanBox:
     """One object's box and velocity; filterpy does the arithmetic."""
 
     def __init__(self, box: np.ndarray, noise: Noise):
+        from filterpy.kalman import KalmanFilter  # slow to import; only the baselines filter
+
         self.kalman = KalmanFilter(dim_x=STATE, dim_z=BOX)
         self.kalman.F, self.kalman.H = TRANSITION, MEASUREMENT
         self.kalman.x[:BOX, 0] = box

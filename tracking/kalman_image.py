@@ -7,7 +7,6 @@ frame.
 from __future__ import annotations
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 
 from tracking.kalman_box import Noise
 
@@ -23,6 +22,8 @@ class KalmanImage:
     """One object's image box (x1, y1, x2, y2) in pixels and its velocity."""
 
     def __init__(self, box: np.ndarray, noise: Noise):
+        from filterpy.kalman import KalmanFilter  # slow to import; only the baselines filter
+
         self.kalman = KalmanFilter(dim_x=STATE, dim_z=MEASURED)
         self.kalman.F, self.kalman.H = TRANSITION, MEASUREMENT
         self.kalman.x[:MEASURED, 0] = _measure(box)

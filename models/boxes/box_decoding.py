@@ -98,16 +98,19 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
         none = np.zeros((0, 0), np.float32)
         nothing = (boxes, thinned.probability, thinned.classes)
         return Clusters(*nothing, none, none.astype(bool), none, thinned)
-    iou = box_iou_3d(boxes, boxes).numpy()
-    overlap = np.where(iou >= config.vote_iou, iou, 0.0) * thinned.probability
-    votes = overlap if thinned.quality is None else overlap * thinned.quality
-    kept, owner = _suppress(iou, votes.sum(-1), config)
+    tensor = tf.constant(boxes)
+    iou = box_iou_3d(tensor, tensor).numpy()
+    overlap = np.where(iou >= config.vote_iou, iou, 0.0)
+    quality = np.float32(1) if thinned.quality is None else thinned.quality
+    support = np.einsum("ij,j->i", overlap, thinned.probability * quality)
+    kept, owner = _suppress(iou, support, config)
     members = owner == np.arange(len(kept))[:, None]
-    votes = votes[kept] * members
+    overlap = overlap[kept] * thinned.probability * members
+    votes = overlap * quality
     own = np.arange(len(kept)), kept
     votes[own] = np.maximum(votes[own], 1e-6)
     share = votes / votes.sum(-1, keepdims=True)
-    agreement = (overlap[kept] * members).sum(-1) / (members.sum(-1) + config.score_prior)
+    agreement = overlap.sum(-1) / (members.sum(-1) + config.score_prior)
     return Clusters(
         _vote(boxes, share, kept),
         agreement.astype(np.float32),
@@ -156,13 +159,13 @@ def _suppress(iou: np.ndarray, support: np.ndarray, config: DecodingConfig):
     iou (P, P), support (P,) -> (K,) int64, (P,) int64; -1 where no cluster takes the proposal.
     """
     owner, kept = np.full(len(support), -1), []
-    for best in np.argsort(-support, kind="stable"):
-        if len(kept) == config.max_boxes:
-            break
-        if owner[best] < 0:
-            owner[(owner < 0) & (iou[best] > config.nms_iou)] = len(kept)
-            owner[best] = len(kept)
-            kept.append(best)
+    free = np.argsort(-support, kind="stable")
+    while len(free) and len(kept) < config.max_boxes:
+        taken = iou[free[0], free] > config.nms_iou
+        taken[0] = True
+        owner[free[taken]] = len(kept)
+        kept.append(free[0])
+        free = free[~taken]
     return np.array(kept, np.int64), owner
 
 

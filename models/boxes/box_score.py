@@ -12,10 +12,10 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.special import expit
 
 from common.config import from_dict, parse_json, to_dict
 from common.errors import InputError
@@ -24,6 +24,7 @@ from models.config import DecodingConfig
 
 FILE_NAME = "scorer.json"
 FORMAT = 1
+LARGEST = 700.0  # logit whose exponential is still finite
 MANY = {"most_items": 1000}  # two for each channel of FC1, and some
 
 
@@ -51,9 +52,14 @@ class BoxScorer:
 
     def scores(self, features: Mapping[str, np.ndarray]) -> np.ndarray:
         """Features by name, each (K,) -> (K,) float64 probabilities."""
-        values = np.stack([features[name] for name in self.features], -1)
-        scaled = (values - np.array(self.mean)) / np.array(self.scale)
-        return expit(scaled @ np.array(self.weight) + self.bias)
+        values = np.array([features[name] for name in self.features]).T
+        mean, scale, weight = self._arrays
+        logits = (values - mean) / scale @ weight + self.bias
+        return 1 / (1 + np.exp(-np.clip(logits, -LARGEST, LARGEST)))
+
+    @cached_property
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        return tuple(np.array(values) for values in (self.mean, self.scale, self.weight))
 
 
 def save_scorer(folder: str | Path, scorer: BoxScorer) -> Path:

@@ -5,8 +5,9 @@ Letters: K clusters, P proposals, N points, C channels of FC1, F features.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from scipy.special import logit
 
 from kitti.boxes import box_corners, points_in_boxes
 from models.boxes.box_decoding import Clusters
@@ -35,18 +36,23 @@ def cluster_features(
     features |= _neighbours(clusters)
     proposals, voters = clusters.proposals, clusters.votes > 0
     if proposals.quality is not None:
-        features |= _over_votes("quality", voters, proposals.quality)
+        features |= _over_votes(["quality"], voters, proposals.quality[:, None])
     if proposals.features is not None:
-        for channel, values in enumerate(proposals.features.T):
-            features |= _over_votes(f"{FC1} {channel}", voters, values)
+        names = [f"{FC1} {channel}" for channel in range(proposals.features.shape[1])]
+        features |= _over_votes(names, voters, proposals.features)
     return features
 
 
-def _over_votes(name: str, voters: np.ndarray, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Mean and maximum of values (P,) over the voters (K, P) of each cluster."""
+def _over_votes(
+    names: Sequence[str], voters: np.ndarray, values: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Mean and maximum of the columns of values (P, C) over the voters (K, P) of each cluster."""
+    chosen = [values[rows] for rows in voters]
+    mean = np.stack([rows.mean(0, dtype=np.float64) for rows in chosen])
+    maximum = np.stack([rows.max(0) for rows in chosen]).astype(np.float64)
     return {
-        f"{name} mean": voters @ values / voters.sum(-1),
-        f"{name} maximum": np.where(voters, values, -np.inf).max(-1),
+        **dict(zip([f"{name} mean" for name in names], mean.T, strict=True)),
+        **dict(zip([f"{name} maximum" for name in names], maximum.T, strict=True)),
     }
 
 
@@ -55,6 +61,7 @@ def _agreement(clusters: Clusters) -> dict[str, np.ndarray]:
     votes, voters, members = clusters.votes, clusters.votes > 0, clusters.members
     probability = np.asarray(clusters.proposals.probability, np.float64)
     boxes = np.asarray(clusters.proposals.boxes, np.float64)
+    agreement = np.clip(clusters.agreement, 0.01, 0.99)
     share = votes / votes.sum(-1, keepdims=True)
     overlap = (share * clusters.iou).sum(-1)
     spread = share @ boxes[:, :6] ** 2 - (share @ boxes[:, :6]) ** 2
@@ -64,10 +71,10 @@ def _agreement(clusters: Clusters) -> dict[str, np.ndarray]:
         "votes": np.log1p(voters.sum(-1)),
         "support": np.log1p(votes.sum(-1)),
         "share of votes": voters.sum(-1) / members.sum(-1),
-        "agreement": logit(np.clip(clusters.agreement, 0.01, 0.99)),
+        "agreement": np.log(agreement / (1 - agreement)),
         "IoU": overlap,
         "IoU deviation": np.sqrt(np.maximum((share * clusters.iou**2).sum(-1) - overlap**2, 0)),
-        **_over_votes("probability", voters, probability),
+        **_over_votes(["probability"], voters, probability[:, None]),
         "centre deviation": np.log(0.05 + np.sqrt(np.maximum(spread[:, :3].sum(-1), 0))),
         "size deviation": np.log(0.05 + np.sqrt(np.maximum(spread[:, 3:].sum(-1), 0))),
         "heading": np.hypot(*turn.T),
@@ -91,7 +98,7 @@ def _geometry(
     distance = np.maximum(np.hypot(boxes[:, 0], boxes[:, 1]), 1.0)
     corners = box_corners(boxes)[:, :4]
     azimuth = np.arctan2(corners[..., 1], np.maximum(corners[..., 0], 0.1))
-    low, high = np.quantile(np.arctan2(points[:, 1], np.maximum(points[:, 0], 0.1)), VIEW)
+    low, high = _view(points)
     width = azimuth.max(-1) - azimuth.min(-1)
     cut = np.maximum(low - azimuth.min(-1), 0) + np.maximum(azimuth.max(-1) - high, 0)
     expected = width * (boxes[:, 5] / distance) / HDL64_STEP.prod()
@@ -110,6 +117,20 @@ def _geometry(
         "truncation": np.minimum(cut / np.maximum(width, 1e-3), 1.0),
         "side": np.abs(np.arctan2(boxes[:, 1], np.maximum(boxes[:, 0], 0.1))),
     }
+
+
+def _view(points: np.ndarray) -> np.ndarray:
+    """The quantiles VIEW of the azimuths of points (N, 3) ahead, radians, (2,) float64.
+
+    As np.quantile has them, by one partition of slopes, which are ordered as their angles are.
+    """
+    slope = points[:, 1] / np.maximum(points[:, 0], 0.1)
+    places = np.array(VIEW) * (len(slope) - 1)
+    below = np.floor(places).astype(int)
+    above = np.minimum(below + 1, len(slope) - 1)
+    ordered = np.partition(slope, np.union1d(below, above))
+    first, second = (np.arctan(ordered[at].astype(np.float64)) for at in (below, above))
+    return first + (places - below) * (second - first)
 
 
 def _neighbours(clusters: Clusters) -> dict[str, np.ndarray]:

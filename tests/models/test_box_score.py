@@ -7,12 +7,12 @@ import json
 
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from common.errors import InputError
 from models.boxes.box_decoding import Proposals, cluster
 from models.boxes.box_score import FILE_NAME, BoxScorer, load_scorer, save_scorer
-from models.boxes.cluster_features import FC1, cluster_features
+from models.boxes.cluster_features import FC1, VIEW, _view, cluster_features
 from models.config import DecodingConfig
 
 CARS = np.float32(
@@ -53,6 +53,32 @@ def test_features_say_what_is_known_of_a_cluster():
     assert found["much better one"][2] > 0
     assert found["truncation"].max() == 0
     np.testing.assert_allclose(found["class"], 0.7, rtol=1e-5)
+
+
+def test_features_equal_those_by_the_plain_formulas():
+    """Pooling column by column over a (K, P) mask; quantiles of all azimuths."""
+    clusters, found = features(quality=True)
+    voters, given = clusters.votes > 0, clusters.proposals
+    columns = {f"{FC1} {i}": values for i, values in enumerate(given.features.T)}
+    for name, values in (columns | {"quality": given.quality}).items():
+        np.testing.assert_allclose(found[f"{name} mean"], voters @ values / voters.sum(-1), 1e-6)
+        maximum = np.where(voters, values, -np.inf).max(-1)
+        np.testing.assert_array_equal(found[f"{name} maximum"], maximum)
+    np.testing.assert_allclose(found["agreement"], logit(clusters.agreement.clip(0.01, 0.99)), 1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 500, 15000])
+def test_the_view_is_bounded_by_quantiles_of_the_azimuths(count):
+    points = np.random.default_rng(count).uniform((-3, -30, -2), (60, 30, 1), (count, 3))
+    points = points.astype(np.float32)
+    azimuth = np.arctan2(points[:, 1], np.maximum(points[:, 0], 0.1)).astype(np.float64)
+    np.testing.assert_allclose(_view(points), np.quantile(azimuth, VIEW), atol=1e-6)
+
+
+def test_scores_of_extreme_logits_are_finite():
+    with np.errstate(all="raise"):
+        found = SCORER.scores({"votes": np.array([-1e6, 2, 1e6]), "range": np.full(3, 0.3)})
+    np.testing.assert_allclose(found, expit([-1.5e6, 0.5, 1.5e6]), atol=1e-300)
 
 
 def test_features_of_fc1_are_pooled_over_the_voters():

@@ -74,6 +74,15 @@ def test_boxes_in_batches():
     np.testing.assert_array_equal(batched, alone)
 
 
+@pytest.mark.parametrize("shape", [(1, 7), (2, 7), (71, 7), (3, 20, 7)])
+def test_boxes_with_themselves(shape):
+    """Of one tensor each pair is computed once; of two equal ones twice."""
+    boxes = tf.constant(random_boxes(int(np.prod(shape[:-1]))).reshape(shape))
+    mutual = box_iou_3d(boxes, boxes).numpy()
+    np.testing.assert_array_equal(mutual, np.swapaxes(mutual, -1, -2))
+    np.testing.assert_allclose(mutual, box_iou_3d(boxes, tf.identity(boxes) + 0.0), atol=1e-6)
+
+
 def test_empty():
     none, some = np.zeros((0, 7), np.float32), random_boxes(3)
     assert box_iou_3d(none, some).shape == (0, 3)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from common.errors import InputError
+from common.provenance import ROOT
 from tracking import (
     TRACKERS,
     FrameContext,
@@ -176,3 +180,10 @@ def test_make_tracker_refuses_unknown_names_and_parameters():
         make_tracker("sort", tau=0.5)
     with pytest.raises(InputError, match="expected one of"):
         make_tracker("ab3dmot", similarity="iou")
+
+
+def test_importing_the_trackers_leaves_the_slow_packages_for_later():
+    """filterpy and scipy are needed by baselines alone; they take a second to import."""
+    code = "import sys, tracking; print({'filterpy', 'scipy', 'tensorflow'} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert (run.stdout.strip(), run.stderr) == ("set()", "")

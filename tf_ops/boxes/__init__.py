@@ -23,7 +23,8 @@ def box_iou_3d(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
         boxes2: (K, 7) or (B, K, 7) float32.
 
     Returns:
-        (M, K) or (B, M, K) float32 in [0, 1]; 0 where both boxes are empty.
+        (M, K) or (B, M, K) float32 in [0, 1]; 0 where both boxes are empty. Of a tensor with itself
+        each pair is computed once, in half the time, and the result is symmetric.
 
     Raises:
         InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.

@@ -29,7 +29,8 @@ Intersection over union of upright boxes (x, y, z, l, w, h, yaw), for every pair
 
 boxes1: (M, 7) or (B, M, 7), finite, sizes not negative.
 boxes2: (K, 7) or (B, K, 7), likewise.
-iou: (M, K) or (B, M, K); 0 where both boxes are empty.
+iou: (M, K) or (B, M, K); 0 where both boxes are empty. Of a tensor with itself each pair is computed
+  once, and the result is symmetric.
 )doc");
 
 // Rank 2 is one scene, rank 3 a batch of scenes.
@@ -74,10 +75,14 @@ class BoxIou3dOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, context->allocate_output(0, shape, &iou));
     if (iou->NumElements() == 0) return;
     const int64_t batch = batch_of(boxes1);
+    float* values = iou->flat<float>().data();
     const auto first = read_boxes(boxes1.flat<float>().data(), batch * rows);
+    if (boxes1.data() == boxes2.data() && rows == columns) {
+      mutual_ious(first.data(), batch, rows, values, threads_of(context));
+      return;
+    }
     const auto second = read_boxes(boxes2.flat<float>().data(), batch * columns);
-    all_ious(first.data(), second.data(), batch, rows, columns, iou->flat<float>().data(),
-             threads_of(context));
+    all_ious(first.data(), second.data(), batch, rows, columns, values, threads_of(context));
   }
 };
 

@@ -120,4 +120,26 @@ inline void all_ious(const RotatedBox* boxes, const RotatedBox* others, int64_t 
   });
 }
 
+// iou (batch, count, count) of boxes (batch, count) with themselves; each pair is computed once.
+inline void mutual_ious(const RotatedBox* boxes, int64_t batch, int64_t count, float* iou,
+                        const Parallel& parallel) {
+  const auto row_of = [=](int64_t b, int64_t row) {
+    const RotatedBox* scene = boxes + b * count;
+    float* matrix = iou + b * count * count;
+    for (int64_t i = row; i < count; ++i) {
+      const float value = static_cast<float>(iou_3d(scene[row], scene[i]));
+      matrix[row * count + i] = matrix[i * count + row] = value;
+    }
+  };
+  // A row from the top together with one from the bottom: all parts take as long.
+  const int64_t half = (count + 1) / 2;
+  parallel.run(batch * half, 20 * count, [=](int64_t begin, int64_t end) {
+    for (int64_t part = begin; part < end; ++part) {
+      const int64_t b = part / half, top = part % half, bottom = count - 1 - top;
+      row_of(b, top);
+      if (bottom != top) row_of(b, bottom);
+    }
+  });
+}
+
 }  // namespace ptn

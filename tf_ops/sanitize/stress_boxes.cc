@@ -26,12 +26,15 @@ std::vector<ptn::RotatedBox> crowded(std::mt19937* random) {
 
 void overlaps(const std::vector<ptn::RotatedBox>& all) {
   std::vector<float> iou(kScenes * kBoxes * kBoxes);
+  std::vector<float> mutual(iou.size());
   ptn::all_ious(all.data(), all.data(), kScenes, kBoxes, kBoxes, iou.data(), real_threads(3));
+  ptn::mutual_ious(all.data(), kScenes, kBoxes, mutual.data(), real_threads(3));
   for (int64_t i = 0; i < kScenes * kBoxes; ++i) {
     const float* row = iou.data() + i * kBoxes;
     for (int64_t j = 0; j < kBoxes; ++j) {
       const float mirrored = iou[(i / kBoxes * kBoxes + j) * kBoxes + i % kBoxes];
       expect(row[j] >= 0 && row[j] <= 1 && std::abs(row[j] - mirrored) < 1e-5F, "boxes", "iou", j);
+      expect(std::abs(row[j] - mutual[i * kBoxes + j]) < 1e-5F, "boxes", "mutual iou", j);
     }
   }
 }
