@@ -185,5 +185,7 @@ def test_make_tracker_refuses_unknown_names_and_parameters():
 def test_importing_the_trackers_leaves_the_slow_packages_for_later():
     """filterpy and scipy are needed by baselines alone; they take a second to import."""
     code = "import sys, tracking; print({'filterpy', 'scipy', 'tensorflow'} & set(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=ROOT, capture_output=True, text=True
+    )
     assert (run.stdout.strip(), run.stderr) == ("set()", "")
