@@ -41,7 +41,7 @@ def _unit(features: tf.Tensor) -> tf.Tensor:
 
 
 class AssociationHead(keras.layers.Layer):
-    """For every point of t-1: its K nearest points of t, features fused, MLP, max over the K.
+    """Fuses every point of t-1 with its K nearest points of t: features, MLP, max over the K.
 
     With fusion "none" the features of frame t-1 pass unchanged, and frame t is not used.
     """

@@ -39,7 +39,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     cached = {path: path.stat().st_mtime_ns for path in (out / "network_cache").iterdir()}
     assert len(cached) == 2  # one sequence at 0 and at 2 m
 
-    assert _run(out, weights) == 0  # goes on: the networks' outputs and the data are kept
+    assert _run(out, weights) == 0  # resumes: the networks' outputs and the data are kept
     assert {path: path.stat().st_mtime_ns for path in cached} == cached
     printed = capsys.readouterr().out
     metrics = json.loads((out / "metrics.json").read_text())

@@ -1,4 +1,4 @@
-"""track.py and the library's Tracker, on a network that finds what it is told and on a real one."""
+"""track.py and the library's Tracker, on a network of given outputs and on a real one."""
 
 import csv
 import json
@@ -22,7 +22,7 @@ SPEED = np.array([5.0, 0.0, 0.0])  # metres per frame: more than a car's length
 
 
 class ScriptedNetwork:
-    """One car that moves by SPEED; it knows so and says so."""
+    """Networks that find one car which moves by SPEED, with its exact displacement."""
 
     def __init__(self):
         box = SimpleNamespace(classes=("Car", "Van"))

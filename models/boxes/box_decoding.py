@@ -1,4 +1,4 @@
-"""From per-point predictions to M boxes with scores: non-maximum suppression with box voting.
+"""Decodes per-point predictions to M boxes with scores: non-maximum suppression with box voting.
 
 Letters: P proposals (boxes of single points), K clusters of proposals, NC classes.
 """

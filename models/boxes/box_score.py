@@ -78,7 +78,7 @@ def default_min_score(folder: str | Path) -> float:
 
 
 def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
-    """The scorer in a folder of weights; None, said on stderr, if there is none.
+    """The scorer in a folder of weights; None, with a note on stderr, without one.
 
     Raises:
         InputError: broken, of another format, or fitted for another detector.

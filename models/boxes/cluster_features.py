@@ -85,7 +85,7 @@ def _agreement(clusters: Clusters) -> dict[str, np.ndarray]:
 def _geometry(
     clusters: Clusters, points: np.ndarray, probability: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Range, size and place of the box, its points, and how many a scanner would return from it.
+    """Range, size and place of the box, its points, and the number expected at its range.
 
     Expected are the returns of an HDL-64E over the width and height at which the box is seen.
     Truncation is the share of that width beyond the edges of the view.
@@ -134,7 +134,7 @@ def _view(points: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(clusters: Clusters) -> dict[str, np.ndarray]:
-    """The nearest better supported box: how near, and how much more support it has."""
+    """Distance and support of the nearest better supported box."""
     centres, support = clusters.boxes[:, :2].astype(np.float64), clusters.votes.sum(-1)
     gap = np.linalg.norm(centres[:, None] - centres, axis=-1)
     gap = np.where(support > support[:, None], gap, np.inf)

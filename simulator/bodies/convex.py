@@ -64,7 +64,7 @@ def intersect(planes, origin, direction):
 
 
 def intersect_body(body: Body, origin, direction):
-    """As `intersect` over all parts of `body`, but only with rays that come near each part."""
+    """`intersect` over all parts of `body`, with the rays near each part alone."""
     rays, parts = len(origin), len(body.planes)
     if rays * parts < FEW:
         return intersect(body.planes, origin, direction)

@@ -1,6 +1,6 @@
 """Traffic in steps of a tenth of a second: following, signals, giving way, overtaking, pulling out.
 
-Drivers react to geometry, not to lanes: the road user ahead is the first whose footprint covers
+Accelerations depend on geometry, not lanes: the road user ahead is the first whose footprint covers
 the future path. Merging, crossing, parked cars, cyclists and pedestrians need no separate rules.
 """
 

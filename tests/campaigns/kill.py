@@ -1,4 +1,4 @@
-"""SIGKILL at random moments of every long job; what then goes on must give the same bits.
+"""SIGKILL at random moments of every long job; the resumed job must give the same bits.
 
     python -m campaigns.kill --n 12 --seed 0      (from the root, PYTHONPATH=.:tests)
 

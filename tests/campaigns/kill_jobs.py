@@ -20,7 +20,7 @@ Digest = dict[str, str]
 
 @dataclass(frozen=True)
 class Job:
-    """A command that goes on where it was interrupted.
+    """A command that resumes where it was interrupted.
 
     Attributes:
         command: arguments of the Python interpreter for inputs and output folder, before each run.

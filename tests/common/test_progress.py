@@ -3,7 +3,7 @@
 from common.progress import Progress, progress
 
 
-def test_yields_everything_and_says_so_at_the_end(capsys):
+def test_yields_everything_and_prints_the_end(capsys):
     assert list(progress(iter("abc"), 3, "frames", "frame")) == list("abc")
     out, err = capsys.readouterr()
     assert out == ""

@@ -81,7 +81,7 @@ def test_detections_move_along_under_displacement(tiny_root, tmp_path):
     rows = read_results(tmp_path / "tracks" / "0000.txt")
     labels = KittiSequence(tiny_root, 0).objects
     shift = rows.at(3).boxes[0, :2] - labels.at(3).boxes[:2, :2]
-    assert np.linalg.norm(shift, axis=1).min() > 1e-3  # nobody stayed where the label is
+    assert np.linalg.norm(shift, axis=1).min() > 1e-3  # no box stayed at its label
 
 
 def test_displacement_follows_the_seed(tiny_root, tmp_path):

@@ -11,7 +11,7 @@ ROW = "0 1 Car 0 0 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 0.9"
 
 @pytest.fixture
 def theirs(tmp_path) -> Path:
-    """Somebody's result files, both sequences, one row."""
+    """Result files of another tracker, both sequences, one row."""
     folder = tmp_path / "theirs"
     folder.mkdir()
     (folder / "0000.txt").write_text(ROW + "\n")

@@ -1,4 +1,4 @@
-"""evaluate.py on data as people have them: half sequences, other layouts, thresholds, classes."""
+"""evaluate.py on unusual data: half sequences, other layouts, thresholds, classes."""
 
 import json
 import shutil
@@ -110,8 +110,8 @@ def test_detections_per_frame_give_the_tracks_of_those_per_sequence(root, tmp_pa
 
 @pytest.mark.parametrize("protocol", ["kitti2d", "kitti3d", "hota"])
 def test_pedestrians_are_evaluated_and_other_classes_refused(root, tmp_path, fails, protocol):
-    people = root / "training" / "label_02" / "0000.txt"
-    people.write_text(people.read_text().replace("Car", "Pedestrian"))
+    labels = root / "training" / "label_02" / "0000.txt"
+    labels.write_text(labels.read_text().replace("Car", "Pedestrian"))
     argv = ("--classes", "pedestrian", "--protocol", protocol)
     overall = run(root, tmp_path / "a", "--tracker", "gt_displacement", *argv)[protocol]["overall"]
     assert overall.get("MOTA", overall.get("HOTA")) == pytest.approx(1.0)

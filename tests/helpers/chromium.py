@@ -33,7 +33,7 @@ class Chromium:
     """One page of `width` x `height` pixels; a context manager.
 
     `errors` holds what the page wrote to the console as an error and what it threw, `requests`
-    the addresses it asked for.
+    the addresses it requested.
     """
 
     def __init__(self, width: int = 1366, height: int = 768):

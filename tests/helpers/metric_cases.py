@@ -27,7 +27,7 @@ def rows(kind, frame, track_id, boxes, bbox, *, score=np.nan, truncation=0, occl
 
 
 def one_object(history: str) -> Entry:
-    """One car that stands still; digits tell the result's id in each frame, 0 none."""
+    """One car that stands still; digits are the result's id in each frame, 0 none."""
     frames = np.arange(len(history))
     box, bbox = (20.0, 0.0, 0.0, *CAR_SIZE, 0.0), (100.0, 100.0, 200.0, 180.0)
     truth = rows("Car", frames, 7, [box] * len(frames), [bbox] * len(frames))

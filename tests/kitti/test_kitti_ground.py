@@ -57,7 +57,7 @@ def test_finds_the_ground_under_clutter(change, seed):
     assert np.percentile(np.abs(error), 99) < 0.12
 
 
-def test_a_plane_tells_ground_from_a_flat_world():
+def test_a_plane_separates_ground_from_a_flat_world():
     """A level threshold would call a third of this slope's road no ground: the fit matters."""
     points, is_ground = _scene({**FLAT, "x": 0.05}, 0)
     flat = points[:, 2] < -1.65 + GROUND.threshold_m

@@ -41,7 +41,7 @@ def features(**kwargs):
     return clusters, cluster_features(clusters, points, np.repeat([0.9, 0.1], (50, 500)))
 
 
-def test_features_say_what_is_known_of_a_cluster():
+def test_features_describe_the_cluster():
     clusters, found = features()
     assert all(values.shape == (3,) and np.isfinite(values).all() for values in found.values())
     np.testing.assert_allclose(np.expm1(found["votes"]), [30, 12, 3])
@@ -120,7 +120,7 @@ def test_a_scorer_with_two_features_for_each_channel_is_stored(tmp_path):
     assert load_scorer(tmp_path, "abc") == many
 
 
-def test_without_a_scorer_one_line_says_so(tmp_path, capsys):
+def test_a_missing_scorer_is_noted_in_one_line(tmp_path, capsys):
     assert load_scorer(tmp_path, "abc") is None
     assert capsys.readouterr().err.endswith("not found, boxes are scored by agreement\n")
 

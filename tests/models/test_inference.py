@@ -62,7 +62,7 @@ def test_bad_points_are_refused(network):
 
 
 def test_boxes_are_scored_by_the_scorer_and_cut_at_its_threshold(network):
-    """A scorer of one feature; its threshold is the default and gives way to min_score."""
+    """A scorer of one feature; its threshold is the default; min_score overrides it."""
     names = ("agreement",), (-3.0,), (1.0,), (2.0,)
     scorer = BoxScorer("", 0.6, 0.0, *names)
     networks = network.detector, network.tracker, scorer

@@ -79,7 +79,7 @@ def test_detector_shapes():
     assert outputs.fc2.shape == (2, count, head_channels(SMALL_DETECTOR.box))
 
 
-def test_query_points_are_asked_as_if_they_were_all():
+def test_outputs_at_some_query_points_equal_those_at_all():
     detector, _, everywhere = run()
     xyz = cloud(2, SMALL_DETECTOR.num_points)
     inputs = detector_inputs(xyz, SMALL_DETECTOR, xyz[:, 10:30])
@@ -106,7 +106,7 @@ def test_gradients_reach_every_variable_of_every_tracker(fusion, features, keeps
     if features != "filter+FC1" and not keeps:
         pytest.skip("fusion and features are independent; one feature choice is enough here")
     config = tracker_with(fusion=fusion, fused_features=features, fusion_keeps_features=keeps)
-    detector, inputs, outputs = run(xyz=cloud(2, 128, extent=1.0))  # dense: no lonely points
+    detector, inputs, outputs = run(xyz=cloud(2, 128, extent=1.0))  # dense: no isolated points
     tracker = small_tracker(config, detector)
     frame = tracker.fused_features(inputs, outputs)
     moved = frame._replace(xyz=frame.xyz + 0.3)

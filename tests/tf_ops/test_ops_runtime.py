@@ -223,13 +223,13 @@ def build(tmp_path: Path, *arguments: str) -> str:
     return lines[0]
 
 
-def test_build_without_a_compiler_says_so_in_one_line(tmp_path):
+def test_build_without_a_compiler_gives_one_line(tmp_path):
     line = build(tmp_path, f"PYTHON={sys.executable}", "CXX=no-such-compiler")
     assert '"no-such-compiler" was not found' in line
     assert "make ops CXX=clang++" in line
 
 
-def test_build_without_tensorflow_says_so_in_one_line(tmp_path):
+def test_build_without_tensorflow_gives_one_line(tmp_path):
     python = tmp_path / "python"
     python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -E "$@"\n')
     python.chmod(0o755)

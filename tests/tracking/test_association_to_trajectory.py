@@ -60,7 +60,7 @@ def test_conflict_goes_to_the_larger_iou():
     step(tracker, cars(0.0, 1.4))
     tracks = step(tracker, cars(1.0))
     assert tracks.ids.tolist() == [1]
-    # the loser is not dropped: it goes on as lost, and is found again
+    # the unmatched track is kept as lost, and is found again
     tracks = step(tracker, cars(0.0, 1.4))
     assert tracks.ids.tolist() == [0, 1]
     assert tracks.detections.tolist() == [0, 1]
@@ -134,17 +134,17 @@ def test_the_probation_of_the_baselines():
 def test_unknown_box_displacement_falls_back_to_the_last_one():
     tracker = make_tracker("gt_displacement")
     step(tracker, cars(0.0), label_ids=[4])
-    asked = []
+    requested = []
 
     def known(ids):
-        asked.append(ids.tolist())
+        requested.append(ids.tolist())
         return np.array([[5.0, 0, 0]])
 
     step(tracker, cars(5.0), SimpleNamespace(displacement=known), label_ids=[4])
     unknown = SimpleNamespace(displacement=lambda ids: np.full((1, 3), np.nan))
     tracks = step(tracker, cars(10.0), unknown, label_ids=[4])
     assert tracks.ids.tolist() == [0]
-    assert asked == [[4]]
+    assert requested == [[4]]
 
 
 @pytest.mark.parametrize(

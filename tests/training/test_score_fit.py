@@ -43,7 +43,7 @@ def test_a_constant_feature_does_no_harm():
 
 
 def frame(drive: str, seed: int, count: int = 20) -> Candidates:
-    """A frame in which the first feature tells which boxes are right; one box is in DontCare."""
+    """A frame whose first feature separates right and wrong boxes; one box is in DontCare."""
     rng = np.random.default_rng(seed)
     right = rng.random(count) < 0.5
     values = {name: rng.normal(0, 1, count) for name in NAMES}

@@ -116,7 +116,7 @@ class CandidateFinder:
     def find_all(
         self, sequences: list[KittiSequence], views: Iterable[int] = (0,), every: int = 1
     ) -> list[list[Candidates]]:
-        """For each view, the candidates of every `every`-th frame with a scan."""
+        """Candidates of every `every`-th frame with a scan, for each view."""
         frames, views = frame_list(sequences)[::every], list(views)
         jobs = [(view, i, t) for view in views for i, t in frames]
         found: list[list[Candidates]] = [[] for _ in views]
