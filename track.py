@@ -11,11 +11,13 @@ are found where the camera of the calibration looks: the networks were trained o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from common import flags
+from common.config_flags import add_flags, from_flags, option
 from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
@@ -31,6 +33,33 @@ from kitti.track_files import WRITERS, parse_formats, write_tracks
 
 PROBED_SCANS = 3
 DEFAULT_NAME = "tracks"
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """Settings of track.py, one flag per field."""
+
+    scans: Path = option(MISSING, f"folder of scans ({' '.join(SUFFIXES)})")
+    out: Path = option(MISSING, "output folder")
+    calib: Path | None = option(None, "calibration in KITTI's layout (default: KITTI's mounting)")
+    image_size: str | None = option(
+        None, "of the camera, such as 1242x375 (default: from the calibration)"
+    )
+    weights: Path = option(Path("weights"), "folder of the networks' weights")
+    score_threshold: float | None = option(
+        None, "least score of a box (default: that of the weights)", flags.finite_float
+    )
+    scan_columns: str | None = option(
+        None, "of a scan, such as x,y,z,i,ring or y,-x,z (default: x,y,z,i)"
+    )
+    scan_dtype: str | None = option(
+        None, "of the numbers in .bin, such as float64 (default: float32)"
+    )
+    scan_scale: float = option(1.0, "metres per unit of a scan", flags.finite_float)
+    format: str = option("kitti", f"of the tracks: {','.join(WRITERS)}, or several")
+    animation_frames: int = option(
+        100, "at most, of the animation; 0: all", flags.non_negative_int, least=0
+    )
 
 
 class Scans:
@@ -113,36 +142,16 @@ def draw(
     return draw_unlabelled(name, results, points, first, last, out, max_frames, seen)
 
 
-def make_parser() -> flags.ArgumentParser:
-    """The command line."""
+def parse_config(argv: Sequence[str] | None = None) -> TrackConfig:
+    """Flags to configuration."""
     parser = flags.ArgumentParser(description=__doc__.split("\n")[0])
-    add = parser.add_argument
-    add("--scans", type=Path, required=True, help=f"folder of scans ({' '.join(SUFFIXES)})")
-    add("--out", type=Path, required=True, help="output folder")
-    add("--calib", type=Path, help="calibration in KITTI's layout (default: KITTI's mounting)")
-    add("--image_size", help="of the camera, such as 1242x375 (default: from the calibration)")
-    add("--weights", type=Path, default=Path("weights"), help="folder of the networks' weights")
-    add(
-        "--score_threshold",
-        type=flags.finite_float,
-        help="least score of a box (default: that of the weights)",
-    )
-    add("--scan_columns", help="of a scan, such as x,y,z,i,ring or y,-x,z (default: x,y,z,i)")
-    add("--scan_dtype", help="of the numbers in .bin, such as float64 (default: float32)")
-    add("--scan_scale", type=flags.finite_float, default=1.0, help="metres per unit of a scan")
-    add("--format", default="kitti", help=f"of the tracks: {','.join(WRITERS)}, or several")
-    add(
-        "--animation_frames",
-        type=flags.non_negative_int,
-        default=100,
-        help="at most, of the animation; 0: all",
-    )
-    return parser
+    add_flags(parser, TrackConfig)
+    return from_flags(TrackConfig, parser.parse_args(argv))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Tracks, writes the tracks and the pictures, prints where they are."""
-    args = make_parser().parse_args(argv)
+    args = parse_config(argv)
     formats = parse_formats(args.format)
     columns = None if args.scan_columns is None else parse_columns(args.scan_columns)
     scans = Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -159,6 +160,15 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
         assert (tmp_path / "out" / name).is_file() and str(tmp_path / "out" / name) in printed
     page = (tmp_path / "out" / "scene.html").read_text(encoding="utf-8")
     assert '"shading":"foreground probability"' in page
+
+
+def test_settings_from_a_file(tmp_path):
+    file = tmp_path / "track.json"
+    file.write_text(json.dumps({"scans": "DIR", "out": "here", "scan_scale": 0.5}))
+    config = track.parse_config(["--config", str(file), "--out", "there"])
+    assert config == track.TrackConfig(Path("DIR"), Path("there"), scan_scale=0.5)
+    with pytest.raises(InputError, match="--scans, --out: required"):
+        track.parse_config([])
 
 
 def test_the_points_that_the_detector_saw():
