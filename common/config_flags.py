@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from common.config import convert, parse_json
 from common.errors import InputError
 from common.files import read_bytes
+from common.flags import integer, number
 
 T = TypeVar("T")
 _MISSING = dataclasses.MISSING
@@ -128,14 +129,12 @@ def _metavar(kind: Any) -> str:
 
 def _parser_of(kind: Any) -> Any:
     arms = [arm for arm in typing.get_args(kind) if arm is not type(None)]
-    if kind in (int, float, str, Path):
-        return kind
-    if kind is bool:
-        return _parse_bool
+    if kind in _PARSERS:
+        return _PARSERS[kind]
     if typing.get_origin(kind) is typing.Literal:
         return str
-    if len(arms) == 1 and arms[0] in (int, float, str, Path):  # or None
-        return arms[0]
+    if len(arms) == 1 and arms[0] in _PARSERS:  # or None
+        return _PARSERS[arms[0]]
     return _parse_json
 
 
@@ -143,6 +142,9 @@ def _parse_bool(text: str) -> bool:
     if text not in ("true", "false"):
         raise argparse.ArgumentTypeError(f"expected true or false, found {text!r}")
     return text == "true"
+
+
+_PARSERS = {int: integer, float: number, str: str, Path: Path, bool: _parse_bool}
 
 
 def _parse_json(text: str) -> Any:

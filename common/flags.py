@@ -93,11 +93,33 @@ def _digits(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) <= 18 else None
 
 
+def integer(text: str) -> int:
+    """argparse type: an integer, as `int` reads it, but in ASCII digits without underscores."""
+    try:
+        return int(_ascii(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected an integer, found {text!r}") from None
+
+
+def number(text: str) -> float:
+    """argparse type: a number, as `float` reads it, but in ASCII digits without underscores."""
+    try:
+        return float(_ascii(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, found {text!r}") from None
+
+
+def _ascii(text: str) -> str:
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return text
+
+
 def finite_float(text: str) -> float:
     """argparse type: a finite number."""
     try:
-        value = float(text)
-    except ValueError:
+        value = number(text)
+    except argparse.ArgumentTypeError:
         value = math.nan
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"expected a finite number, found {text!r}")

@@ -129,8 +129,10 @@ def restore(path: str | Path, arrays: Mapping[str, np.ndarray], **groups: Variab
                     f"{array.shape}",
                     path,
                 )
+            with np.errstate(over="ignore"):
+                array = array.astype(variable.dtype)
             if not np.all(np.isfinite(array)):
-                raise InputError(f"{name}: expected finite values", path)
+                raise InputError(f"{name}: expected finite values of {variable.dtype}", path)
             pairs.append((variable, array))
     for variable, array in pairs:
         variable.assign(array)

@@ -18,8 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from common.config import parse_json
 from common.errors import InputError
-from common.files import copy_folder, write_json
+from common.files import copy_folder, read_bytes, write_json
 from common.flags import ArgumentParser, run
 from common.provenance import ROOT, git_commit
 from common.steps import Steps
@@ -94,6 +95,17 @@ def run_stage(stage: Stage) -> None:
         raise InputError(f"{stage.name}: the command ended with code {code}")
 
 
+def _begun(path: Path) -> dict[str, Any]:
+    """Command and commit of every stage that was begun, by name; none without the file."""
+    if not path.exists():
+        return {}
+    begun = parse_json(read_bytes(path), path)
+    stages = begun.values() if isinstance(begun, dict) else [None]
+    if not all(isinstance(s, dict) and {"command", "commit"} <= set(s) for s in stages):
+        raise InputError("expected command and commit of every stage", path)
+    return begun
+
+
 def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool) -> None:
     """Runs the stages that are not done and copies the weights to `out`.
 
@@ -107,7 +119,7 @@ def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool
     if not allow_changes and (commit is None or commit.endswith("+changes")):
         raise InputError("the tree differs from its commit: commit first, or give --allow_changes")
     path, steps = work / RECORD, Steps(work)
-    begun = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    begun = _begun(path)
     for stage in stages:
         if stage.name in begun and begun[stage.name]["command"] != list(stage.command):
             raise InputError(

@@ -9,6 +9,7 @@ Letters: K boxes, F features.
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from models.config import DecodingConfig
 FILE_NAME = "scorer.json"
 FORMAT = 1
 LARGEST = 700.0  # logit whose exponential is still finite
+MIN_SCALE = 1e-9
 MANY = {"most_items": 1000}  # two for each channel of FC1, and some
 
 
@@ -51,7 +53,14 @@ class BoxScorer:
     format: int = FORMAT
 
     def scores(self, features: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Features by name, each (K,) -> (K,) float64 probabilities."""
+        """Features by name, each (K,) -> (K,) float64 probabilities.
+
+        Raises:
+            InputError: the scorer needs a feature that is not among them.
+        """
+        unknown = [name for name in self.features if name not in features]
+        if unknown:
+            raise InputError(f"{FILE_NAME}: unknown feature {unknown[0]!r}")
         values = np.array([features[name] for name in self.features]).T
         mean, scale, weight = self._arrays
         logits = (values - mean) / scale @ weight + self.bias
@@ -72,7 +81,7 @@ def save_scorer(folder: str | Path, scorer: BoxScorer) -> Path:
 def default_min_score(folder: str | Path) -> float:
     """Least score of a box of these weights: that of scorer.json, without one the decoding's."""
     path = Path(folder) / FILE_NAME
-    if not path.exists():
+    if not os.path.lexists(path):
         return DecodingConfig().min_score
     return _read(path).min_score
 
@@ -84,7 +93,7 @@ def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
         InputError: broken, of another format, or fitted for another detector.
     """
     path = Path(folder) / FILE_NAME
-    if not path.exists():
+    if not os.path.lexists(path):
         print(f"{path}: not found, boxes are scored by agreement", file=sys.stderr)
         return None
     scorer = _read(path)
@@ -103,8 +112,9 @@ def _read(path: Path) -> BoxScorer:
     if not count == len(scorer.mean) == len(scorer.scale) == len(scorer.weight):
         raise InputError(f"expected {count} means, scales and weights", path)
     numbers = (scorer.bias, *scorer.mean, *scorer.scale, *scorer.weight)
-    if not all(map(math.isfinite, numbers)) or min(scorer.scale, default=1.0) <= 0:
-        raise InputError("expected finite numbers and positive scales", path)
+    if not all(map(math.isfinite, numbers)) or min(scorer.scale, default=1.0) < MIN_SCALE:
+        expected = f"expected finite numbers and positive scales of at least {MIN_SCALE}"
+        raise InputError(expected, path)
     if not 0 <= scorer.min_score <= 1:
         raise InputError(f"min_score: expected within [0, 1], found {scorer.min_score}", path)
     return scorer

@@ -122,3 +122,16 @@ def test_a_stream_that_takes_nothing_changes_no_exit_code(redirection, code):
     assert done.returncode == 2
     assert b"Traceback" not in done.stderr
     assert done.stderr.count(b"\n") <= 1
+
+
+@pytest.mark.parametrize("text", ["\u0663", "1_0", "x", "", "1" * 5000])
+def test_numbers_are_ascii_digits(text):
+    for parse in (flags.integer, flags.positive_int, flags.non_negative_int):
+        with pytest.raises(argparse.ArgumentTypeError, match="expected an integer"):
+            parse(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="expected a finite number"):
+        flags.finite_float(text)
+    if len(text) < 9:
+        with pytest.raises(argparse.ArgumentTypeError, match="expected a number"):
+            flags.number(text)
+    assert (flags.integer("-7"), flags.number("1e-3")) == (-7, 0.001)

@@ -48,7 +48,7 @@ def test_result_files(tiny_root, tmp_path, theirs, fails, name, text, line):
 
 
 def test_result_file_that_is_not_text(tiny_root, tmp_path, theirs, fails):
-    (theirs / "0000.txt").write_bytes(b"\xff\xfe" + ROW.encode())
+    (theirs / "0000.txt").write_bytes(b"\xfd\xfe" + ROW.encode())
     arguments = ("--data_root", tiny_root, "--seqs", "0000", "--out", tmp_path / "out")
     assert "0000.txt:1:" in fails(*arguments, "--results", theirs)
 

@@ -11,7 +11,7 @@ from scipy.special import expit, logit
 
 from common.errors import InputError
 from models.boxes.box_decoding import Proposals, cluster
-from models.boxes.box_score import FILE_NAME, BoxScorer, load_scorer, save_scorer
+from models.boxes.box_score import FILE_NAME, BoxScorer, default_min_score, load_scorer, save_scorer
 from models.boxes.cluster_features import FC1, VIEW, _view, cluster_features
 from models.config import DecodingConfig
 
@@ -106,6 +106,18 @@ def test_scores_are_probabilities_of_the_named_features():
     np.testing.assert_allclose(SCORER.scores(given), expected)
 
 
+def test_a_feature_that_the_detector_lacks_is_named():
+    with pytest.raises(InputError, match=r"scorer\.json: unknown feature 'range'"):
+        SCORER.scores({"votes": np.array([2.0])})
+
+
+def test_a_file_that_cannot_be_read_is_not_passed_over(tmp_path):
+    (tmp_path / FILE_NAME).symlink_to(FILE_NAME)
+    for read in (default_min_score, lambda folder: load_scorer(folder, "abc")):
+        with pytest.raises(InputError, match="Too many levels of symbolic links"):
+            read(tmp_path)
+
+
 def test_a_scorer_is_stored_beside_its_detector(tmp_path):
     save_scorer(tmp_path, SCORER)
     assert load_scorer(tmp_path, "abc") == SCORER
@@ -131,6 +143,7 @@ def test_a_missing_scorer_is_noted_in_one_line(tmp_path, capsys):
         ({"format": 2}, "expected scorer format 1, found 2"),
         ({"mean": [1.0]}, "expected 2 means, scales and weights"),
         ({"scale": [1.0, 0.0]}, "positive scales"),
+        ({"scale": [1.0, 1e-300]}, "positive scales of at least 1e-09"),
         ({"min_score": 1.5}, "min_score: expected within"),
         ({"bias": "high"}, "bias"),
         ({"weight": None}, "weight"),

@@ -96,6 +96,15 @@ def test_values_that_are_not_finite_are_refused(tmp_path):
         checkpoint.restore(tmp_path / "a.npz", arrays, model=variables())
 
 
+def test_values_beyond_the_variables_type_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    checkpoint.save(path, META, model=variables())
+    _, arrays = checkpoint.load(path)
+    arrays["model/bias"] = arrays["model/bias"].astype("f8") * 1e300
+    with pytest.raises(InputError, match="model/bias: expected finite values of float32"):
+        checkpoint.restore(path, arrays, model=variables())
+
+
 def test_the_last_few_are_kept(tmp_path):
     folder = CheckpointFolder(tmp_path, keep=2)
     for step in (5, 10, 15):

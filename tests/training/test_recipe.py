@@ -116,3 +116,10 @@ def test_a_begun_training_resumes(tmp_path):
     assert stage.arguments() == ["train_det.py"]
     (tmp_path / "config.json").write_text("{}")
     assert stage.arguments() == ["train_det.py", "--resume"]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"a": 3}', "[" * 100_000, '{"a": {"command": []}}'])
+def test_a_spoilt_record_is_named(tmp_path, text):
+    (tmp_path / "recipe.json").write_text(text)
+    with pytest.raises(InputError, match=r"recipe\.json: expected"):
+        make_weights([], tmp_path, tmp_path / "out", allow_changes=True)
