@@ -37,7 +37,8 @@ SEQMAP = b"0000 empty 000000 000004\n0001 empty 000077 000153\n"
 POSE = b"1 0 0 0 0 1 0 0 0 0 1 0\n"
 
 
-def _write(path: Path, data: bytes, rng: np.random.Generator) -> Path:
+def write_damaged(path: Path, data: bytes, rng: np.random.Generator) -> Path:
+    """Writes `data` to `path` after some damage; returns `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(damaged(data, rng))
     return path
@@ -45,12 +46,12 @@ def _write(path: Path, data: bytes, rng: np.random.Generator) -> Path:
 
 def labels(folder: Path, rng: np.random.Generator) -> None:
     """Label files."""
-    read_labels(_write(folder / "0000.txt", LABELS, rng))
+    read_labels(write_damaged(folder / "0000.txt", LABELS, rng))
 
 
 def results(folder: Path, rng: np.random.Generator) -> None:
     """Result files: what is read can be written and is then read again."""
-    rows = read_results(_write(folder / "0000.txt", RESULTS, rng))
+    rows = read_results(write_damaged(folder / "0000.txt", RESULTS, rng))
     if np.isfinite(rows.score).all():
         write_results(folder / "again.txt", rows)
         assert len(read_results(folder / "again.txt")) == len(rows)
@@ -59,16 +60,18 @@ def results(folder: Path, rng: np.random.Generator) -> None:
 def detections(folder: Path, rng: np.random.Generator) -> None:
     """Detections, a file per sequence or per frame."""
     if rng.random() < 0.5:
-        _write(folder / "0000.txt", DETECTIONS, rng)
+        write_damaged(folder / "0000.txt", DETECTIONS, rng)
     else:
-        _write(folder / "0000" / f"{rng.integers(0, 9):06d}.txt", OBJECT_ROW, rng)
+        write_damaged(folder / "0000" / f"{rng.integers(0, 9):06d}.txt", OBJECT_ROW, rng)
     read_detection_folder(folder, "0000", 5)
 
 
 def calibration(folder: Path, rng: np.random.Generator) -> None:
     """Calibrations, and the image size that follows."""
     write_calibration(folder / "good.txt", standard_mounting())
-    calib = read_calibration(_write(folder / "c.txt", (folder / "good.txt").read_bytes(), rng))
+    calib = read_calibration(
+        write_damaged(folder / "c.txt", (folder / "good.txt").read_bytes(), rng)
+    )
     image_size_of(calib)
 
 
@@ -81,7 +84,7 @@ def sequence(folder: Path, rng: np.random.Generator) -> None:
     }
     hurt = list(parts)[rng.integers(len(parts))]
     for name, data in parts.items():
-        _write(folder / name, data, rng)
+        write_damaged(folder / name, data, rng)
         if name != hurt:
             (folder / name).write_bytes(data)
     opened = KittiSequence(folder, 0)
@@ -90,7 +93,7 @@ def sequence(folder: Path, rng: np.random.Generator) -> None:
 
 def seqmap(folder: Path, rng: np.random.Generator) -> None:
     """Sequence maps."""
-    read_seqmap(_write(folder / "map", SEQMAP, rng))
+    read_seqmap(write_damaged(folder / "map", SEQMAP, rng))
 
 
 @cache
@@ -124,7 +127,7 @@ def scans(folder: Path, rng: np.random.Generator) -> None:
     name, data = list(_clouds().items())[rng.integers(len(_clouds()))]
     columns = (None, None, ("x", "y", "z"), ("y", "-x", "z", "i", "ring"))[rng.integers(4)]
     layout = ScanLayout(columns, (None, None, "float64", "int16")[rng.integers(4)])
-    points, _ = read_points(_write(folder / name, data, rng), layout)
+    points, _ = read_points(write_damaged(folder / name, data, rng), layout)
     assert points.dtype == np.float32 and points.shape[1] == 4
     assert np.isfinite(points[:, :3]).all()
 
@@ -143,13 +146,13 @@ def configurations(folder: Path, rng: np.random.Generator) -> None:
     """Configurations as JSON."""
     kinds = (DetectorConfig, TrackerConfig, DetectorTrainingConfig, TrackerTrainingConfig)
     kind = kinds[rng.integers(len(kinds))]
-    path = _write(folder / "config.json", json.dumps(to_dict(kind())).encode(), rng)
+    path = write_damaged(folder / "config.json", json.dumps(to_dict(kind())).encode(), rng)
     from_dict(kind, parse_json(path.read_bytes(), path), path)
 
 
 def steps(folder: Path, rng: np.random.Generator) -> None:
     """The memory of finished steps: a spoilt one is begun anew."""
-    _write(folder / "steps.json", b'{"one": "abc", "two": "def"}', rng)
+    write_damaged(folder / "steps.json", b'{"one": "abc", "two": "def"}', rng)
     Steps(folder).run("three", nasty_word(rng), [], lambda: None)
 
 

@@ -24,9 +24,10 @@ import numpy as np
 
 from campaigns.file_doors import FILE_DOORS
 from campaigns.program_doors import PROGRAM_DOORS
+from campaigns.weight_doors import WEIGHT_DOORS
 from common.errors import InputError
 
-DOORS = {door.__name__: door for door in (*FILE_DOORS, *PROGRAM_DOORS)}
+DOORS = {door.__name__: door for door in (*FILE_DOORS, *WEIGHT_DOORS, *PROGRAM_DOORS)}
 LIMIT_S = 30
 """Time for one input; more counts as a hang."""
 
