@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
@@ -118,3 +119,8 @@ def test_a_batch_of_pairs_is_learnt_to_5_cm(tiny_data, tmp_path):
     assert (foreground == 1).sum() > 20
     assert error[foreground == 1].mean() < 0.05
     assert error[foreground == 0].mean() < 0.05
+    # without motion between the frames the same points move less: frame t is used
+    still = tf.nest.map_structure(lambda x: tf.concat([x[:COUNT], x[:COUNT]], 0), batch.inputs)
+    predicted = task.predict_forward(batch).displacement.numpy()
+    moved = predicted - task.predict_forward(batch._replace(inputs=still)).displacement.numpy()
+    assert np.linalg.norm(moved, axis=-1)[foreground == 1].mean() > 0.05
