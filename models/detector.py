@@ -22,6 +22,7 @@ from models.set_abstraction import (
     set_abstraction_indices,
 )
 from models.set_upconv import SetUpconv, neighbors_within
+from tf_ops.devices import on_cpu
 
 
 class DetectorInputs(NamedTuple):
@@ -57,6 +58,7 @@ class DetectorOutputs(NamedTuple):
     upconv: tuple[tf.Tensor, ...]  # features of FP1 to FP3
 
 
+@on_cpu
 def detector_inputs(xyz: tf.Tensor, config: DetectorConfig, query_xyz: tf.Tensor | None = None):
     """The pyramid of indices of a batch of scans.
 
@@ -65,7 +67,8 @@ def detector_inputs(xyz: tf.Tensor, config: DetectorConfig, query_xyz: tf.Tensor
         query_xyz: (B, Q, 3) points at which to predict; None: all of xyz.
 
     Returns:
-        DetectorInputs. Depends on coordinates alone, so the input pipeline can make it.
+        DetectorInputs. Depends on coordinates alone, so the input pipeline can make it; all of it
+        is made on the CPU, and what a GPU needs goes there once.
     """
     levels, abstraction = [xyz], []
     for layer in config.set_abstraction:

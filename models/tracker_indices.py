@@ -10,6 +10,7 @@ from models.config import TrackerConfig
 from models.feature_propagation import InterpolationIndices, interpolation_indices
 from models.set_abstraction import SetAbstractionIndices, set_abstraction_indices
 from models.set_upconv import neighbors_within
+from tf_ops.devices import on_cpu
 
 
 class FrameIndices(NamedTuple):
@@ -32,8 +33,9 @@ class FrameIndices(NamedTuple):
         return tf.gather(self.sa1.sampled, self.sa2.sampled, batch_dims=1)
 
 
+@on_cpu
 def frame_indices(kept_xyz: tf.Tensor, config: TrackerConfig) -> FrameIndices:
-    """All indices of a frame's kept points (B, N', 3), in one block that needs no features."""
+    """All indices of a frame's kept points (B, N', 3), in one block on the CPU without features."""
     sa1, xyz1 = set_abstraction_indices(kept_xyz, config.set_abstraction[0])
     sa2, xyz2 = set_abstraction_indices(xyz1, config.set_abstraction[1])
     sa3, xyz3 = set_abstraction_indices(xyz2, config.refinement_abstraction)

@@ -12,8 +12,9 @@ from visualization.association import Neighborhood
 from visualization.clip import Clip
 from visualization.sampling import Samplings
 from visualization.scene import pack, scene_data
-from visualization.scene_points import FOREGROUND
+from visualization.scene_points import FOREGROUND, thin
 
+ARROWS = 300  # at most; more of them hide each other
 MIN_FOREGROUND = 0.5  # probability of a point whose association displacement is drawn
 REACH = 3.0  # metres from the centre of a detection to those of its proposals
 EARLIER, FILTERED, PLAIN = (255, 106, 106), (92, 230, 140), (255, 92, 160)  # RGB
@@ -68,12 +69,13 @@ def network_data(clip: Clip, frame: NetworkFrame) -> dict[str, Any]:
         points_per_frame=len(frame.points),
     )
     moving = frame.foreground >= MIN_FOREGROUND
+    arrows = thin(np.column_stack([frame.earlier, frame.displacement])[moving], ARROWS, frame.t)
     view = frame.neighborhood
     data["network"] = {
         "sets": _sets(frame),
         "arrows": {
-            "from": pack(frame.earlier[moving], "float32"),
-            "by": pack(frame.displacement[moving], "float32"),
+            "from": pack(arrows[:, :3], "float32"),
+            "by": pack(arrows[:, 3:], "float32"),
         },
         "proposals": {
             "box": pack(frame.proposals, "float32"),
@@ -87,7 +89,8 @@ def network_data(clip: Clip, frame: NetworkFrame) -> dict[str, Any]:
     }
     data["notes"] += [
         f"Arrows: association displacement from frame {frame.t - 1} to {frame.t} of kept points "
-        f"with a foreground probability of at least {MIN_FOREGROUND:g}.",
+        f"with a foreground probability of at least {MIN_FOREGROUND:g}: {len(arrows)} of "
+        f"{np.count_nonzero(moving)}, drawn at random.",
         f"Proposals: boxes of single points, within {REACH:g} m of the chosen detection; click a "
         "detection to choose it.",
     ]
