@@ -181,7 +181,8 @@ def train_row(
     """Trains a row to its end, unless that is done; returns its last checkpoint."""
     from models.weights import load_detector  # TensorFlow only where it is needed
     from training.checkpoint_folder import CheckpointFolder
-    from training.loop import run_training, start
+    from training.loop import run_training
+    from training.run import start
     from training.sampling.pipeline import make_order
     from training.stored_pairs import StoredPairsTask, store_pairs
     from training.strategies import make_strategy, seed_everything

@@ -121,7 +121,8 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
     """Seconds a frame of training in batches of 4, with the input pipeline and without it."""
     from training.config import DetectorTrainingConfig, ScheduleConfig
     from training.detector_task import DetectorTask
-    from training.loop import compile_train_step, start, training_data
+    from training.loop import compile_train_step, training_data
+    from training.run import start
     from training.strategies import make_strategy
 
     schedule = ScheduleConfig(batch_size=4)

@@ -59,7 +59,9 @@ def train(flags, make_task, config, picture=None) -> int:
     picture: task -> matplotlib figure, logged after each epoch.
     """
     from tf_ops.devices import describe_device
-    from training.loop import TrainingDivergedError, prepare_workdir, run_training, start
+    from training.loop import TrainingDivergedError, run_training
+    from training.run import start
+    from training.run_state import prepare_workdir
     from training.strategies import make_strategy, seed_everything
 
     workdir = Path(flags.workdir)

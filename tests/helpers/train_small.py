@@ -26,6 +26,7 @@ def main() -> None:
     from training import loop
     from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
     from training.detector_task import DetectorTask
+    from training.run import start
     from training.strategies import make_strategy, seed_everything
     from training.tracker_task import TrackerTask
 
@@ -60,7 +61,7 @@ def main() -> None:
                 os.kill(os.getpid(), 9)
 
         checkpoint.save = save_then_die
-    run = loop.start(task, strategy, args.workdir, {})
+    run = start(task, strategy, args.workdir, {})
     figures = loop.run_training(run, args.resume)
     print({k: round(v, 6) for k, v in figures.items()} if figures else dataclasses.asdict(schedule))
     if not run.chief:

@@ -17,6 +17,7 @@ from tracking import FrameContext, FrameDetections, LabelMotion, make_tracker, t
 from training import loop
 from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
 from training.detector_task import DetectorTask
+from training.run import start
 from training.sampling.samples import no_augmentation
 from training.strategies import make_strategy
 from training.tracker_task import TrackerTask
@@ -53,7 +54,7 @@ def learn_one_batch(make_task, workdir):
         return task
 
     tf.keras.utils.set_random_seed(0)
-    run = loop.start(fixed, make_strategy("one"), workdir, {})
+    run = start(fixed, make_strategy("one"), workdir, {})
     loop.run_training(run)
     batch = tf.nest.map_structure(lambda *x: tf.stack(x), *run.task.samples.samples)
     return run.task, run.task.prepare(batch)

@@ -36,6 +36,7 @@ from training.config import (
     TrackerTrainingConfig,
 )
 from training.detector_task import DetectorTask
+from training.run import start
 from training.strategies import make_strategy
 
 
@@ -132,7 +133,7 @@ def test_two_workers_equal_one_with_the_joint_batch(tiny_data, tmp_path):
 def detector_run(data, workdir, schedule, trained=("data/0000",), **changes):
     sequences = open_sequences(data, [0], "training")
     config = DetectorTrainingConfig(SMALL_DETECTOR, schedule=schedule, **changes)
-    return loop.start(
+    return start(
         lambda: DetectorTask(config, sequences, sequences),
         make_strategy("one"),
         workdir,

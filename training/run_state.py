@@ -1,0 +1,92 @@
+"""Saves and resumes a training: its workdir, its checkpoints, its best network."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from common.config import to_dict
+from common.errors import InputError
+from models import checkpoint
+from training.checkpoint_folder import CheckpointFolder
+from training.logs import History
+from training.run import TrainingRun
+
+
+def prepare_workdir(workdir: Path, resume: bool) -> None:
+    """Refuses a used workdir without --resume, and --resume of an unused one."""
+    used = (workdir / "config.json").exists()
+    if used and not resume:
+        raise InputError("holds a training already: give --resume or another --workdir", workdir)
+    if resume and not used:
+        raise InputError("nothing to resume here: expected config.json", workdir)
+
+
+def _meta(run: TrainingRun, metrics: dict[str, float]) -> dict:
+    task = run.task
+    return {
+        "kind": task.kind,
+        "config": to_dict(task.config),
+        "metrics": metrics,
+        "record": run.started,
+        **task.meta,
+    }
+
+
+def save_checkpoint(
+    run: TrainingRun, folder: CheckpointFolder, step: int, metrics: dict[str, float]
+) -> None:
+    """Writes the checkpoint of a step."""
+    folder.save(step, _meta(run, metrics), **run.groups)
+
+
+def keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metrics) -> None:
+    """Writes best.npz if the metrics of the last epoch are the best so far."""
+    name, sign = run.task.best_metric, 1 if run.task.best_is_largest else -1
+    if name not in metrics:
+        return
+    if all(sign * metrics[name] >= sign * row.get(name, -sign * math.inf) for row in history.rows):
+        meta = {**_meta(run, metrics), "step": metrics["step"]}
+        checkpoint.save(folder.best_path, meta, **run.networks)
+
+
+def resume_run(run: TrainingRun, folder: CheckpointFolder) -> int:
+    """Restores the last checkpoint of the folder; 0 if none was written yet."""
+    steps = folder.steps()
+    if not steps:
+        return 0
+    path = folder.path(steps[-1])
+    meta, arrays = checkpoint.load(path)
+    if meta["config"] != to_dict(run.task.config):
+        changed = _changes(meta["config"], to_dict(run.task.config))
+        raise InputError(f"was made with another configuration: {changed}", path)
+    if _sampled(meta["record"]) != _sampled(run.started):
+        raise InputError("was made with other training sequences or shares", path)
+    with run.strategy.scope():
+        checkpoint.restore(path, arrays, **run.groups)
+    return int(meta["step"])
+
+
+def _sampled(record: dict) -> tuple:
+    """Numbers of the training sequences and the shares of a record; roots may have moved."""
+    data = record.get("data") or {}
+    pools = ((pool["share"], pool["sequences"]) for pool in data.get("shares", ()))
+    return (
+        _numbers(data.get("training", ())),
+        [(share, _numbers(sequences)) for share, sequences in pools],
+    )
+
+
+def _numbers(sequences) -> list[str]:
+    return [Path(sequence).name for sequence in sequences]
+
+
+def _changes(old: dict, new: dict, prefix: str = "") -> str:
+    found = []
+    for key in sorted(set(old) | set(new)):
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            found.append(_changes(a, b, f"{prefix}{key}."))
+        elif a != b:
+            found.append(f"{prefix}{key} {a!r} -> {b!r}")
+    return ", ".join(text for text in found if text)

@@ -1,0 +1,43 @@
+"""Validation of a training over its data roots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from training.run import TrainingRun
+from training.sampling.pipeline import dataset
+
+
+def validate(run: TrainingRun) -> dict[str, float]:
+    """Validation metrics: the mean over data roots, and those of each where there are several."""
+    by_root: dict[str, list[int]] = {}
+    for index, root in enumerate(run.task.validation_samples.roots):
+        by_root.setdefault(root, []).append(index)
+    found = {root: _validate_items(run, np.array(items)) for root, items in by_root.items()}
+    if len(found) <= 1:
+        return next(iter(found.values()), {})
+    names = next(iter(found.values()))
+    means = {name: float(np.mean([m[name] for m in found.values()])) for name in names}
+    return means | {
+        f"{Path(root).name}/{name}": value
+        for root, metrics in found.items()
+        for name, value in metrics.items()
+    }
+
+
+def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
+    """Metrics over `schedule.validation_frames` of the items, spread evenly over them."""
+    task, wanted = run.task, run.task.schedule.validation_frames
+    count = min(wanted or len(items), len(items))
+    chosen = items[np.linspace(0, len(items) - 1, count).round().astype(np.int64)]
+    size = min(4, count)
+    chosen = chosen[: count - count % size].reshape(-1, size)
+    data = dataset(
+        task.validation_samples, task.prepare, lambda: zip(chosen, chosen, strict=True), size
+    )
+    step = run.validation_step
+    return task.validate(
+        (rows, batch, step(batch)) for rows, batch in zip(chosen, data, strict=True)
+    )
