@@ -1,6 +1,7 @@
 """Scans of any layout and format: read where they are described, refused with a hint elsewhere."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -226,3 +227,10 @@ def test_other_files_are_refused(tmp_path, name, data, message):
 def test_bad_layouts(fields, message):
     with pytest.raises(InputError, match=message):
         ScanLayout(**fields)
+
+
+def test_a_reader_that_is_not_installed_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypcd4", None)
+    (tmp_path / "0.pcd").write_bytes(b"VERSION .7\n")
+    with pytest.raises(InputError, match="needs the package pypcd4: pip install pypcd4"):
+        read_points(tmp_path / "0.pcd")
