@@ -134,7 +134,7 @@ def draw_drive(args: argparse.Namespace) -> list[Path]:
 
 
 def draw_inside(args: argparse.Namespace) -> list[Path]:
-    """What the networks see."""
+    """Inner outputs of the networks in one frame."""
     check_writable(args.out)
     files = [args.out / name for name in ("sampling.png", "association.png", "network.html")]
     clip = Clip.of_scene(open_scene(args, args.object_shift), Objects.empty())
@@ -189,7 +189,7 @@ def _check_suffix(path: Path, suffixes: Sequence[str], flag: str = "--out") -> N
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Draws and says where."""
+    """Draws, and prints the paths of the files."""
     args = make_parser().parse_args(argv)
     for path in DRAW[args.figure](args):
         print(path)

@@ -142,7 +142,7 @@ def check_view(
 
 
 def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
-    """Refuses (n, 3) points that are no street scene with z up, and notes what is unlikely.
+    """Refuses (n, 3) points that are no street scene with z up; notes unlikely properties.
 
     `level` are the points of a scan in the level frame (metres), `inside` those in view.
     """

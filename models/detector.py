@@ -68,7 +68,7 @@ def detector_inputs(xyz: tf.Tensor, config: DetectorConfig, query_xyz: tf.Tensor
 
     Returns:
         DetectorInputs. Depends on coordinates alone, so the input pipeline can make it; all of it
-        is made on the CPU, and what a GPU needs goes there once.
+        is made on the CPU, and the tensors that a GPU needs are copied there once.
     """
     levels, abstraction = [xyz], []
     for layer in config.set_abstraction:

@@ -34,7 +34,7 @@ def animate(
     max_frames: int = MAX_FRAMES,
     each_frame: Callable[[], None] = lambda: None,
 ) -> Path:
-    """Writes the first `max_frames` frames (0: all) as an endless GIF; notes what is left out."""
+    """Writes the first `max_frames` frames (0: all) as an endless GIF; notes omitted frames."""
     count = animated_frames(clip.num_frames, max_frames)
     if count < clip.num_frames:
         note(f"{path}: the first {count} of {clip.num_frames} frames; --animation_frames 0: all")
@@ -54,7 +54,7 @@ def animate(
 
 
 def _image(canvas: FigureCanvasAgg) -> Image.Image:
-    """What the canvas shows, with few colours."""
+    """The image on the canvas, with few colours."""
     canvas.draw()
     canvas.figure.set_layout_engine("none")  # laid out once; doing it again takes most time
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]

@@ -31,7 +31,7 @@ class BirdsEye:
     stand still.
 
     Args:
-        clip: what is shown.
+        clip: scans, tracks and labels.
         color: of the tracks: one, or a function of the id.
         trail: frames that a trail goes back.
         size: width and height in inches.

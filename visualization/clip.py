@@ -1,4 +1,4 @@
-"""What the pictures show: a stretch of scans with tracks, and the truth where it is known."""
+"""Input of the pictures: consecutive scans with tracks, and labels where there are any."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Clip:
         return np.linalg.solve(self.poses[target], self.poses[source])
 
     def trails(self, objects: Objects, t: int, length: int) -> dict[int, np.ndarray]:
-        """Where the objects of frame t were in the last `length` frames, as seen from frame t.
+        """Positions of the objects of frame t in the last `length` frames, in the frame of t.
 
         Returns:
             track id -> (k, 3) box centres in the level frame of t, oldest first.

@@ -26,7 +26,7 @@ from visualization.trajectories import trajectories
 
 
 class Picture(NamedTuple):
-    """A file and what it shows."""
+    """A file and its caption."""
 
     path: Path
     caption: str

@@ -1,4 +1,4 @@
-"""What the networks see in one frame, as data of the 3-D scene (the paper's Figures 3 and 4)."""
+"""Inner outputs of the networks in one frame, as data of the 3-D scene (Figures 3 and 4)."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def page(
         title: of the page; notes: paragraphs above and below the table (the first goes above).
         header, rows: the table; a row is (class, cells), the class "ours", "paper" or "".
         pictures: PNG and GIF files, which are put into the page.
-        scenes: name of a file in the folder of the page -> what it shows.
+        scenes: name of a file in the folder of the page -> its caption.
     """
     return render(
         "page.html.j2",

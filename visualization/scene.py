@@ -115,7 +115,7 @@ def scene_data(
         clip: scans, labels and poses; its own results are not used.
         trackers: name -> rows of a result file, in the order of the panel.
         min_iou: least 3-D IoU of a match, as in evaluate.py.
-        shading: what the points' fourth column is, a key of `BRIGHT`.
+        shading: meaning of the points' fourth column, a key of `BRIGHT`.
         first: number that the page shows for frame 0.
         points_per_frame: at most so many points of a frame are kept; long drives keep fewer.
         points: of all frames, shown in place of the clip's.

@@ -21,7 +21,7 @@ SCRIPTS = ("data.js", "dots.js", "layers.js", "network.js", "view.js", "timeline
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-"""What a browser may load: nothing but what is in the file."""
+"""Content security policy: a browser loads nothing but the file itself."""
 
 
 def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:

@@ -16,7 +16,7 @@ POINTS_IN_ALL = 1_500_000  # 9.3 bytes each in the file
 FOREGROUND = "foreground probability"
 DIM = (84, 94, 114)  # RGB of shading 0
 BRIGHT = {"intensity": (236, 241, 250), FOREGROUND: (255, 150, 40)}
-"""RGB of shading 1, by what the points' fourth column holds."""
+"""RGB of shading 1, by the meaning of the points' fourth column."""
 
 
 class ScenePoints:
@@ -24,7 +24,7 @@ class ScenePoints:
 
     Args:
         num_frames: of the drive; long drives keep fewer points of a frame.
-        shading: what the points' fourth column is, a key of `BRIGHT`.
+        shading: meaning of the points' fourth column, a key of `BRIGHT`.
         per_frame: at most so many points of a frame are kept.
     """
 

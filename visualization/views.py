@@ -1,4 +1,4 @@
-"""What the networks see inside, for Fig. 3 and Fig. 4. Imports TensorFlow."""
+"""Inner outputs of the networks, for Fig. 3 and Fig. 4. Imports TensorFlow."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from visualization.sampling import Samplings
 
 
 def foreground_points(clip: Clip, weights: Path) -> Callable[[int], np.ndarray | None]:
-    """Frame -> (N, 4) the points that the detector sees and their foreground probability, or None.
+    """Frame -> (N, 4) the input points of the detector and their foreground probability, or None.
 
     Raises:
         InputError: weights are missing or broken.
@@ -41,7 +41,7 @@ def foreground_points(clip: Clip, weights: Path) -> Callable[[int], np.ndarray |
 
 
 def samplings(network: StreamingNetwork, state: FrameState) -> Samplings:
-    """TRA_SA1 and TRA_SA3 with the probability filter, and what they were without it.
+    """TRA_SA1 and TRA_SA3 with the probability filter, and without it.
 
     Raises:
         ValueError: the frame has no points.
