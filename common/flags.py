@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import math
 import os
 import sys
@@ -12,6 +13,8 @@ from typing import NoReturn
 
 from common.errors import InputError
 
+_STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
+"""By error number what takes no more, where the error names no file (`common.files` names its)."""
 INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 
 
@@ -44,7 +47,7 @@ def run(
     except InputError as error:
         return _refuse(f"error: {error}")
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
+        where = f"{error.filename}: " if error.filename else _STREAM.get(error.errno, "")
         return _refuse(f"error: {where}{error.strerror or error}")
     except MemoryError:
         return _refuse("error: out of memory")

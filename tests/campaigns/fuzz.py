@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import signal
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from campaigns.file_doors import FILE_DOORS
 from campaigns.program_doors import PROGRAM_DOORS
 from campaigns.weight_doors import WEIGHT_DOORS
 from common.errors import InputError
+from common.notes import note
 
 DOORS = {door.__name__: door for door in (*FILE_DOORS, *WEIGHT_DOORS, *PROGRAM_DOORS)}
 LIMIT_S = 30
@@ -53,7 +55,12 @@ def _time_limit(seconds: int) -> Iterator[None]:
 def try_input(door: Callable, seed: int) -> str | None:
     """The find that input number `seed` of a door leads to, in one text; None if there is none."""
     rng = np.random.default_rng([seed, *door.__name__.encode()])
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder, warnings.catch_warnings():
+    note.cache_clear()
+    with (
+        tempfile.TemporaryDirectory(prefix="fuzz-") as folder,
+        warnings.catch_warnings(),
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
         warnings.simplefilter("error")
         try:
             with _time_limit(LIMIT_S):

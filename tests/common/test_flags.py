@@ -122,6 +122,8 @@ def test_a_stream_that_takes_nothing_changes_no_exit_code(redirection, code):
     assert done.returncode == 2
     assert b"Traceback" not in done.stderr
     assert done.stderr.count(b"\n") <= 1
+    if redirection == ">/dev/full":
+        assert done.stderr.startswith(b"error: standard output: ")
 
 
 @pytest.mark.parametrize("text", ["\u0663", "1_0", "x", "", "1" * 5000])
