@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import errno
 import math
 import os
@@ -12,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from common.errors import InputError
+from common.notes import write_or_silence
 
 _STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
 """By error number what takes no more, where the error names no file (`common.files` names its)."""
@@ -66,12 +66,7 @@ def _open_streams() -> None:
 def _refuse(line: str) -> int:
     """Prints one line on standard error; a stream that takes nothing changes no exit code."""
     for stream, text in ((sys.stdout, ""), (sys.stderr, line + "\n")):
-        try:
-            stream.write(text)
-            stream.flush()
-        except (OSError, ValueError):
-            with contextlib.suppress(OSError, ValueError):  # else Python writes again at its end
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        write_or_silence(stream, text)
     return 2
 
 
@@ -79,7 +74,7 @@ def positive_int(text: str) -> int:
     """argparse type: an integer >= 1."""
     value = _digits(text.removeprefix("+"))
     if value is None or value < 1:
-        raise argparse.ArgumentTypeError(f"expected an integer >= 1, found {text!r}")
+        raise argparse.ArgumentTypeError(f"expected an integer from 1 to 10^18, found {text!r}")
     return value
 
 
@@ -87,7 +82,7 @@ def non_negative_int(text: str) -> int:
     """argparse type: an integer >= 0."""
     value = _digits(text)
     if value is None:
-        raise argparse.ArgumentTypeError(f"expected an integer >= 0, found {text!r}")
+        raise argparse.ArgumentTypeError(f"expected an integer from 0 to 10^18, found {text!r}")
     return value
 
 

@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from functools import cache
+from typing import TextIO
+
+
+def report(line: str) -> None:
+    """Prints a line on standard error; where it takes none (closed, full), no work is lost."""
+    if sys.stderr is not None:
+        write_or_silence(sys.stderr, line + "\n")
+
+
+def write_or_silence(stream: TextIO, text: str) -> None:
+    """Writes and flushes; a stream that takes nothing goes to the null device from then on."""
+    try:
+        stream.write(text)
+        stream.flush()
+    except (OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError):  # else Python writes again at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @cache
 def note(message: str) -> None:
     """Prints `note: message`, unless it was printed before."""
-    if sys.stderr is not None:
-        print(f"note: {message}", file=sys.stderr)
+    report(f"note: {message}")

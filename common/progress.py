@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 from tqdm import tqdm
 
+from common.notes import report
+
 T = TypeVar("T")
 
 
@@ -47,7 +49,7 @@ class Progress:
             self.bar.update(n)
         elif time.monotonic() - self.last >= self.interval or self.done == self.total:
             self.last = time.monotonic()
-            print(self._line(), file=sys.stderr, flush=True)
+            report(self._line())
 
     def _line(self) -> str:
         elapsed = time.monotonic() - self.start

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -22,6 +21,8 @@ from tracking import PREDICTED_MOTION, TRACKERS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
+MAX_SHIFT = 1000.0
+"""Metres; the paper shifts objects by up to 2."""
 
 
 def parse_names(text: str) -> tuple[str, ...]:
@@ -73,6 +74,8 @@ class EvaluateConfig:
         "every object is shifted at random by up to this many metres (section IV.D)",
         non_negative_float,
         ("object_shift", "displacement"),
+        least=0.0,
+        most=MAX_SHIFT,
     )
     seed: int = option(0, "of the object shift", non_negative_int, least=0, most=2**63 - 1)
     protocols: tuple[str, ...] | None = option(
@@ -83,7 +86,7 @@ class EvaluateConfig:
         least_items=0,
     )
     iou: float = option(0.5, "least 3-D IoU of a match in clear3d... and kitti3d", finite_float)
-    score_threshold: float | str | None = option(
+    score_threshold: str | float | None = option(
         None,
         "least score of a box (default: network boxes that of the weights, others none); of "
         "--results, least mean score of a track; best: of a track, by MOTA of the first --protocol",
@@ -109,8 +112,9 @@ class EvaluateConfig:
             raise InputError("--score_threshold best is that of a --protocol, found none")
         if not 0 < self.iou <= 1:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
-        if not 0 <= self.object_shift < math.inf:
-            raise InputError(f"--object_shift: expected metres >= 0, found {self.object_shift}")
+        if not 0 <= self.object_shift <= MAX_SHIFT:
+            expected = f"expected 0 to {MAX_SHIFT:.0f} metres"
+            raise InputError(f"--object_shift: {expected}, found {self.object_shift}")
         if not 0 <= self.seed < 2**63:
             raise InputError(f"--seed: expected 0 <= seed < 2**63, found {self.seed}")
         if isinstance(self.score_threshold, str) and self.score_threshold != BEST:

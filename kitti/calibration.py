@@ -108,9 +108,10 @@ def _apply(matrix: np.ndarray, xyz: np.ndarray) -> np.ndarray:
 def is_rotation(matrices: np.ndarray) -> np.ndarray:
     """True where (..., 3, 3) matrices are rotations, up to the rounding of a text file."""
     matrices = np.asarray(matrices, np.float64)
-    product = matrices @ np.swapaxes(matrices, -1, -2)
+    bounded = np.clip(matrices, -2.0, 2.0)  # no larger number is in a rotation, or overflows here
+    product = bounded @ np.swapaxes(bounded, -1, -2)
     orthonormal = np.abs(product - np.eye(3)).max(axis=(-1, -2)) <= _ROTATION_TOLERANCE
-    return orthonormal & (np.linalg.det(matrices) > 0)
+    return orthonormal & (np.linalg.det(bounded) > 0)
 
 
 def read_calibration(path: str | Path) -> Calibration:

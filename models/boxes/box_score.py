@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,6 +20,7 @@ import numpy as np
 from common.config import from_dict, parse_json, to_dict
 from common.errors import InputError
 from common.files import read_bytes, write_json
+from common.notes import report
 from models.config import DecodingConfig
 
 FILE_NAME = "scorer.json"
@@ -94,7 +94,7 @@ def load_scorer(folder: str | Path, detector_sha256: str) -> BoxScorer | None:
     """
     path = Path(folder) / FILE_NAME
     if not os.path.lexists(path):
-        print(f"{path}: not found, boxes are scored by agreement", file=sys.stderr)
+        report(f"{path}: not found, boxes are scored by agreement")
         return None
     scorer = _read(path)
     if scorer.detector_sha256 != detector_sha256:

@@ -113,17 +113,34 @@ REFUSING = "import sys; from common import flags; from common.errors import Inpu
     ],
 )
 def test_a_stream_that_takes_nothing_changes_no_exit_code(redirection, code):
-    program = f"{REFUSING}{code}\nsys.exit(flags.run(main))"
-    command = f'"{sys.executable}" -c "$PROGRAM" {redirection}'
-    environment = {**os.environ, "PROGRAM": program}
-    done = subprocess.run(
-        ["sh", "-c", command], check=False, capture_output=True, env=environment, cwd=ROOT
-    )
+    done = _run(code, redirection)
     assert done.returncode == 2
     assert b"Traceback" not in done.stderr
     assert done.stderr.count(b"\n") <= 1
     if redirection == ">/dev/full":
         assert done.stderr.startswith(b"error: standard output: ")
+
+
+def _run(code, redirection):
+    """Runs a main program that is this code under a redirection of the shell."""
+    program = f"{REFUSING}{code}\nsys.exit(flags.run(main))"
+    return subprocess.run(
+        ["sh", "-c", f'"{sys.executable}" -c "$PROGRAM" {redirection}'],
+        check=False,
+        capture_output=True,
+        env={**os.environ, "PROGRAM": program},
+        cwd=ROOT,
+    )
+
+
+@pytest.mark.parametrize("redirection", ["2>/dev/full", "2>&-"])
+def test_progress_and_notes_that_nobody_can_read_lose_no_work(redirection):
+    code = (
+        "from common.notes import note\nfrom common.progress import progress\n"
+        "def main(argv): note('x'); print(list(progress('ab', 2, 'x')))"
+    )
+    done = _run(code, redirection)
+    assert (done.returncode, done.stdout) == (0, b"['a', 'b']\n")
 
 
 @pytest.mark.parametrize("text", ["\u0663", "1_0", "x", "", "1" * 5000])

@@ -114,6 +114,8 @@ def test_missing_calibration_key(tmp_path, fails):
         (["--displacement", "-1"], "--displacement"),
         (["--displacement", "inf"], "--displacement"),
         (["--object_shift", "-1"], "--object_shift"),
+        (["--object_shift", "1e15"], "--object_shift: expected 0.0 to 1000.0"),
+        (["--score_threshold", "1e308"], "--score_threshold: expected -1000000000000000.0 to"),
         (["--displacement", "1", "--protocol", "kitti2d"], "--object_shift"),
         (["--seed", "-1"], "--seed"),
         (["--seed", str(2**63)], "--seed"),

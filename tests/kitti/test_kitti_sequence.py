@@ -155,6 +155,10 @@ def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n" + rows[1].replace("1", "2") + "\n")
     with pytest.raises(InputError, match=r":2: its 3x3 block is not a rotation"):
         assert KittiSequence(root, 0).poses is None
+    with np.errstate(all="raise"), pytest.raises(InputError, match="not a rotation"):
+        huge = " ".join(["1e308"] * 12)
+        (root / "poses" / "0000.txt").write_text(f"{rows[0]}\n{huge}\n")
+        assert KittiSequence(root, 0).poses is None
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
     with pytest.raises(InputError, match=r"expected 2 rows \(a pose per frame\), found 1"):
         assert KittiSequence(root, 0).poses is None
