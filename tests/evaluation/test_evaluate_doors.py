@@ -130,3 +130,13 @@ def test_detections_that_go_on_after_the_labels(root, tmp_path, fails):
     given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "a", "--tracker", "sort")
     message = fails(*given, "--detections", root / "detections")
     assert "expected 0 to 11, where the labels" in message and "seqmap sets the frames" in message
+
+
+@pytest.mark.parametrize("argv", [("--detections", "network"), ("--tracker", "pointtracknet")])
+def test_networks_without_any_scan_are_refused(root, tmp_path, fails, argv):
+    scans = root / "training" / "velodyne" / "0000"
+    scans.mkdir(parents=True)
+    (scans / "0000000000.bin").touch()  # a name of the raw data
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "out", *argv)
+    assert "0000: expected scans such as 000000.bin to 000011.bin, found none" in fails(*given)
+    assert not list((tmp_path / "out").rglob("*.txt"))
