@@ -47,6 +47,16 @@ def settle(browser, script: str) -> None:
     browser.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 100)))")
 
 
+def overlapping_words(browser) -> int:
+    """The number of pairs of words above boxes of which one covers a part of the other."""
+    return browser.evaluate(
+        "(() => { const r = [...document.querySelectorAll('#words b')]"
+        ".map((word) => word.getBoundingClientRect());"
+        "return r.flatMap((a, i) => r.slice(i + 1).filter((b) => a.left < b.right - 1"
+        " && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1)).length; })()"
+    )
+
+
 @pytest.fixture
 def clip() -> Clip:
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
@@ -116,6 +126,7 @@ def test_two_trackers_are_side_by_side_or_on_each_other(browser, clip, tmp_path)
     assert browser.evaluate("scene.instance.getViewports().length") == 1
     words = "[...document.querySelectorAll('#words b')].map((word) => word.textContent)"
     assert sorted(browser.evaluate(words)) == ["A3", "A4", "B8", "B9"]
+    assert overlapping_words(browser) == 0  # A3 and B8 are above boxes 0.2 m apart
     assert browser.errors == []
 
 
@@ -137,6 +148,8 @@ def test_of_one_and_of_many_frames(browser, tmp_path, frames):
     clip = Clip("0016", frames, points, Objects.empty(), drive([3], frames=frames))
     show(browser, tmp_path / "a.html", clip, {"ours": drive([5], 0.1, frames)})
     assert bool(browser.evaluate("document.getElementById('slider') === null")) == (frames == 1)
+    buttons = "document.querySelectorAll('#timeline button').length"
+    assert browser.evaluate(buttons) == (0 if frames == 1 else 3)  # play, previous, next
     settle(browser, f"scene.show({frames - 1})")
     assert browser.evaluate("scene.state.frame") == frames - 1
     assert browser.evaluate("document.querySelector('[data-camera=world]').disabled")  # no poses

@@ -120,7 +120,8 @@ function buildTimeline() {
       made.addEventListener("click", () => jump(direction, +kind.value));
       return made;
     };
-    row.append(button("‹ previous", -1), kind, button("next ›", 1), legend());
+    if (SCENE.frames > 1) row.append(button("‹ previous", -1), kind, button("next ›", 1));
+    row.append(legend());
     TRACKERS.forEach((_, k) => strips.push(strip(k)));
   }
   const drawStrips = () => strips.forEach((draw) => draw());

@@ -1,8 +1,9 @@
 // State, cameras and panel. `scene` is what a console or a test can call.
 "use strict";
-const AHEAD = 24;  // metres; where the camera behind the car looks
+const AHEAD = 20;  // metres; where the camera behind the car looks
 const NARROW = 800;  // pixels; narrower windows open without the panel
 const LENS = {orbitAxis: "Z", fovy: 40, near: 0.05, far: 100};
+const LETTER_WIDTH = 8, LINE_HEIGHT = 18;  // pixels, of the words above boxes
 const state = {
   frame: 0, camera: "behind", split: TRACKERS.length > 1, points: true, labels: Boolean(LABELS),
   errors: Boolean(LABELS), trails: true, names: true, size: 2, trackers: TRACKERS.map(() => true),
@@ -38,7 +39,7 @@ function cameraOf(name) {
     return {target: [(x0 + x1) / 2 + 20, (y0 + y1) / 2, 0], rotationX: 50, rotationOrbit: 90, zoom};
   }
   return {target: [AHEAD, 0, 0], rotationX: 28, rotationOrbit: 90,
-    zoom: Math.min(fit(46, width), fit(28, height))};
+    zoom: Math.min(fit(46, width), fit(36, height))};
 }
 
 const instance = new deck.Deck({
@@ -66,20 +67,26 @@ function draw() {
   write(shown);
 }
 
-// The words of each pane (see trackerWords), where its camera sees their places.
+// The words of each pane (see trackerWords), where its camera sees their places; a word that would
+// cover an earlier one goes above it.
 function write(shown) {
-  const matrix = matrixOf(state), made = [];
+  const matrix = matrixOf(state), made = [], taken = [];
   TRACKERS.forEach((_, k) => {
     if (!state.trackers[k]) return;
     const pane = shown.indexOf(k), width = view.clientWidth / Math.max(1, shown.length);
     const height = view.clientHeight, left = Math.max(0, pane) * width;
     const viewport = new deck.OrbitView({...LENS, id: "words"}).makeViewport(
       {width, height, viewState: camera});
-    for (const {place, text, color} of trackerWords(k, state, matrix)) {
-      const [x, y, depth] = viewport.project(place);
+    for (const {place: at, text, color} of trackerWords(k, state, matrix)) {
+      const [x, y, depth] = viewport.project(at);
       if (depth > 1 || depth < 0 || x < 0 || x > width || y < 0 || y > height) continue;
+      const place = {x: left + x, y, half: LETTER_WIDTH * (text.length + 1) / 2};
+      const covers = (other) => Math.abs(other.x - place.x) < other.half + place.half &&
+        Math.abs(other.y - place.y) < LINE_HEIGHT;
+      while (taken.some(covers)) place.y -= LINE_HEIGHT;
+      taken.push(place);
       const word = element("b", {textContent: text});
-      word.style.cssText = `left:${left + x}px;top:${y}px;color:rgb(${color})`;
+      word.style.cssText = `left:${place.x}px;top:${place.y}px;color:rgb(${color})`;
       made.push(word);
     }
   });
