@@ -182,11 +182,11 @@ def train_row(
     from models.weights import load_detector  # TensorFlow only where it is needed
     from training.checkpoint_folder import CheckpointFolder
     from training.loop import run_training
-    from training.run import start
     from training.sampling.pipeline import make_order
     from training.stored_pairs import StoredPairsTask, store_pairs
     from training.strategies import make_strategy, seed_everything
     from training.tracker_task import TrackerTask
+    from training.training_run import start
 
     workdir, schedule = folder / "training", own.schedule
     detector, pairs = args.weights / "detector.npz", args.workdir / "pairs"

@@ -122,8 +122,8 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
     from training.config import DetectorTrainingConfig, ScheduleConfig
     from training.detector_task import DetectorTask
     from training.loop import compile_train_step, training_data
-    from training.run import start
     from training.strategies import make_strategy
+    from training.training_run import start
 
     schedule = ScheduleConfig(batch_size=4)
     training = DetectorTrainingConfig(detector=config, schedule=schedule)

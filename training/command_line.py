@@ -60,9 +60,9 @@ def train(flags, make_task, config, picture=None) -> int:
     """
     from tf_ops.devices import describe_device
     from training.loop import TrainingDivergedError, run_training
-    from training.run import start
     from training.run_state import prepare_workdir
     from training.strategies import make_strategy, seed_everything
+    from training.training_run import start
 
     workdir = Path(flags.workdir)
     if flags.strategy != "multiworker" and (workdir / "config.json").exists():

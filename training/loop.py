@@ -11,9 +11,9 @@ from common.files import write_json
 from common.progress import Progress
 from training.checkpoint_folder import CheckpointFolder
 from training.logs import History, TensorBoard
-from training.run import TrainingRun
 from training.run_state import keep_best, prepare_workdir, resume_run, save_checkpoint
 from training.sampling.pipeline import dataset, micro_batches
+from training.training_run import TrainingRun
 from training.validation import validate
 
 READ_SECONDS = 1.0

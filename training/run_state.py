@@ -10,7 +10,7 @@ from common.errors import InputError
 from models import checkpoint
 from training.checkpoint_folder import CheckpointFolder
 from training.logs import History
-from training.run import TrainingRun
+from training.training_run import TrainingRun
 
 
 def prepare_workdir(workdir: Path, resume: bool) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from training.run import TrainingRun
 from training.sampling.pipeline import dataset
+from training.training_run import TrainingRun
 
 
 def validate(run: TrainingRun) -> dict[str, float]:

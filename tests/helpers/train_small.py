@@ -26,9 +26,9 @@ def main() -> None:
     from training import loop
     from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
     from training.detector_task import DetectorTask
-    from training.run import start
     from training.strategies import make_strategy, seed_everything
     from training.tracker_task import TrackerTask
+    from training.training_run import start
 
     strategy = make_strategy(args.strategy)
     seed_everything(0, deterministic=True)

@@ -17,10 +17,10 @@ from tracking import FrameContext, FrameDetections, LabelMotion, make_tracker, t
 from training import loop
 from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
 from training.detector_task import DetectorTask
-from training.run import start
 from training.sampling.samples import no_augmentation
 from training.strategies import make_strategy
 from training.tracker_task import TrackerTask
+from training.training_run import start
 
 COUNT, STEPS = 4, 400
 SCHEDULE = ScheduleConfig(

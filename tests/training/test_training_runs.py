@@ -36,8 +36,8 @@ from training.config import (
     TrackerTrainingConfig,
 )
 from training.detector_task import DetectorTask
-from training.run import start
 from training.strategies import make_strategy
+from training.training_run import start
 
 
 def start_process(*arguments, **environment) -> subprocess.Popen:
