@@ -220,7 +220,7 @@ def test_scripts_train_and_their_weights_load(tiny_data, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (["--schedule.epochs", "two"], "invalid int value"),
+        (["--schedule.epochs", "two"], "--schedule.epochs: expected an integer, found 'two'"),
         (["--no_such_flag"], "unrecognized arguments"),
         (["--strategy", "many"], "invalid choice"),
     ],
