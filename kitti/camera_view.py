@@ -39,6 +39,8 @@ _FLAT = 0.3  # spread of the heights of a road to that of what stands on it; KIT
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
 _NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
+MAX_PIXELS = 20_000
+"""Of a side of an image: more than any camera has."""
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})", re.ASCII)
 
 
@@ -90,12 +92,13 @@ def parse_image_size(text: str) -> tuple[int, int]:
     """Reads `1242x375`.
 
     Raises:
-        InputError: not of that form, or a side of 0.
+        InputError: not of that form, or a side that no camera has.
     """
     match = _SIZE.fullmatch(text)
-    if match is None or not int(match[1]) or not int(match[2]):
+    sides = (0, 0) if match is None else (int(match[1]), int(match[2]))
+    if not all(1 <= side <= MAX_PIXELS for side in sides):
         raise InputError(f"--image_size: expected pixels such as 1242x375, found {text!r}")
-    return int(match[1]), int(match[2])
+    return sides
 
 
 def _text(size: tuple[int, int]) -> str:

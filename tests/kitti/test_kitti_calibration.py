@@ -105,7 +105,7 @@ def test_no_image_size():
         image_size_of(_camera(700, 600, 170, size=(1200, 340)), (9, 9))
     with pytest.raises(InputError, match="is in no image: give --image_size"):
         image_size_of(_camera(700, 0, 0))
-    for text in ("1242", "0x375", "1242x-3", "axb"):
+    for text in ("1242", "0x375", "1242x-3", "axb", "99999x375"):
         with pytest.raises(InputError, match="--image_size: expected pixels such as 1242x375"):
             parse_image_size(text)
     assert parse_image_size("1242x375") == (1242, 375)
