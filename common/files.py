@@ -96,6 +96,14 @@ def write_json(path: str | Path, value: Any) -> None:
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
+def write_arrays(path: str | Path, **arrays: Any) -> None:
+    """Writes named arrays to `path` atomically, as an uncompressed .npz archive."""
+    import numpy as np  # most callers of this module write text
+
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)
+
+
 def copy_folder(source: str | Path, target: str | Path) -> None:
     """Copies the files of a folder, each atomically; other files of `target` stay."""
     for path in sorted(Path(source).iterdir()):

@@ -86,7 +86,11 @@ class NetworkStream:
 
         points: (n, >=3) level frame, metres, camera crop; n may be 0 for a missing scan.
         """
-        previous, self.state = self.state, self.network.detect(points, t)
+        return self.follow(self.network.detect(points, t), t)
+
+    def follow(self, state: FrameState, t: int) -> FrameDetections:
+        """As `detect`, of a scan that has passed the detector."""
+        previous, self.state = self.state, state
         found = self.state.detections
         motion = {}
         if previous is not None:

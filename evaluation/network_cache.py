@@ -21,7 +21,7 @@ from time import perf_counter
 import numpy as np
 
 from common.errors import InputError
-from common.files import atomic_path
+from common.files import write_arrays
 from common.imports import imported_files
 from common.progress import Progress
 from common.provenance import ROOT
@@ -176,20 +176,19 @@ def _write(path: Path, frames: list[FrameDetections], seconds: list[list[float]]
     points = [nothing if f.points is None else f.points for f in frames]
     displacement = [nothing if f.points is None else f.displacement for f in frames]
     foreground = [nothing[:, 0] if f.points is None else f.foreground for f in frames]
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(
-            file,
-            box_count=[len(f) for f in frames],
-            boxes=np.concatenate([f.boxes for f in frames]),
-            scores=np.concatenate([f.scores for f in frames]),
-            types=np.concatenate([f.types for f in frames]).astype("<U16"),
-            appearance=_same_width([f.appearance for f in frames]).astype(np.float32),
-            point_count=[len(part) for part in points],
-            points=np.concatenate(points).astype(np.float32),
-            foreground=np.concatenate(foreground).astype(np.float32),
-            displacement=np.concatenate(displacement).astype(np.float32),
-            seconds=np.array(seconds).reshape(-1, 3),
-        )
+    write_arrays(
+        path,
+        box_count=[len(f) for f in frames],
+        boxes=np.concatenate([f.boxes for f in frames]),
+        scores=np.concatenate([f.scores for f in frames]),
+        types=np.concatenate([f.types for f in frames]).astype("<U16"),
+        appearance=_same_width([f.appearance for f in frames]).astype(np.float32),
+        point_count=[len(part) for part in points],
+        points=np.concatenate(points).astype(np.float32),
+        foreground=np.concatenate(foreground).astype(np.float32),
+        displacement=np.concatenate(displacement).astype(np.float32),
+        seconds=np.array(seconds).reshape(-1, 3),
+    )
 
 
 def _same_width(parts: list[np.ndarray]) -> np.ndarray:

@@ -236,7 +236,7 @@ def evaluate_row(
         scenes = settings.open_scenes()
         frames = args.workdir / "frames" / own.tracker.fused_features / f"D{distance:g}"
         store_frames(network, scenes, frames, f"detector, D = {distance:g} m")
-        found = StoredDetections(tracker, frames)
+        found = StoredDetections(network, frames)
         errors = np.concatenate([end_point_errors(scene, found) for scene in scenes])
         providers: dict[str, DetectionProvider] = {
             NETWORK: found,

@@ -18,7 +18,7 @@ import keras
 import numpy as np
 
 from common.errors import InputError
-from common.files import atomic_path
+from common.files import write_arrays
 
 FORMAT = 2
 MAX_BYTES = 2**30  # of all arrays; the networks with their optimizer's state take 20 MB
@@ -58,8 +58,7 @@ def save(path: str | Path, meta: dict[str, Any], **groups: Variables) -> None:
         for name, variable in variables.items()
     }
     text = json.dumps({**meta, "format": FORMAT}, allow_nan=False)
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, meta=np.frombuffer(text.encode(), np.uint8), **arrays)
+    write_arrays(path, meta=np.frombuffer(text.encode(), np.uint8), **arrays)
 
 
 def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -25,7 +25,7 @@ from models.config import DecodingConfig
 from models.detector import Detector, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
-from models.tracker import EncodedFrame, TrackingNetwork
+from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +161,18 @@ class StreamingNetwork:
             xyz[0],
             lambda: self._encode(frame),
         )
+
+    def restored(
+        self, points: np.ndarray, foreground: np.ndarray, features: np.ndarray, found: Detections
+    ) -> FrameState:
+        """A frame from the kept points, their features and the boxes that `detect` found once.
+
+        Its `probability` and `sampled` are those of the kept points alone.
+        """
+        rows = np.zeros((1, len(points)), np.int32)  # among the N points; the tracker needs none
+        frame = TrackerInputs(*map(tf.constant, (rows, points[None], features[None])))
+        encode = (lambda: self._encode(frame)) if len(points) else None
+        return FrameState(points, foreground, features, found, foreground, points, encode)
 
     def displacement(self, previous: FrameState, current: FrameState) -> np.ndarray:
         """Association displacement (N', 3) float32, metres, of the points of the earlier frame."""

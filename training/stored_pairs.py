@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import tensorflow as tf
 
-from common.files import atomic_path
+from common.files import write_arrays
 from common.progress import Progress
 from models.config import FUSED_FEATURES
 from models.detector import Detector
@@ -65,8 +65,7 @@ def store_pairs(task: TrackerTask, order: Order, count: int, folder: Path) -> No
 def _write(path: Path, pair: KeptBatch) -> None:
     frames = pair.frames._replace(features=pair.frames.features.astype(np.float16))
     arrays = {**frames._asdict(), "displacement": pair.displacement, "foreground": pair.foreground}
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+    write_arrays(path, **arrays)
 
 
 class StoredPairs:
