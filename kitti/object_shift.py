@@ -1,8 +1,8 @@
-"""Random shifts of objects in the ground plane (paper, section IV.D, figure 5 and table V).
+"""Random shifts of objects in the ground plane: the flags --object_shift and --displacement.
 
 Every labelled object of every frame is shifted by a random vector in the ground plane, up to D
-metres, and its points with it. Training and evaluation use the same shifts. The paper leaves the
-distribution open; the readings offered here are
+metres, and its points with it (section IV.D, Figure 5 and Table V of the paper). Training and
+evaluation use the same shifts. The paper leaves the distribution open; the readings are
 
 - `uniform`: length uniform in [0, D], direction uniform;
 - `fixed`: length D, direction uniform;
@@ -12,8 +12,8 @@ distribution open; the readings offered here are
 
 No shift makes two boxes overlap, seen from above, that did not overlap before: the objects of a
 frame are moved in the order of their track ids, each by the first of `ATTEMPTS` draws that keeps
-it clear of all others (those of larger ids still in their labelled places); an object that finds
-none keeps its place. A held shift must be clear in every frame of its object.
+it clear of all others (those of larger ids still in their labelled places); an object without a
+clear draw keeps its place. A held shift must be clear in every frame of its object.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The association head (section III.2, Fig. 4): fuses the features of two frames."""
+"""The association head (section III.2, Fig. 4): neighbour search in frame t, fusion, MLP, max."""
 
 from __future__ import annotations
 

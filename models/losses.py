@@ -86,7 +86,7 @@ def detection_losses(
     box_normalizer,
     gamma: float,
 ) -> dict[str, tf.Tensor]:
-    """The terms of equations (2) and (3), unweighted, by name.
+    """Equations (2) and (3): their terms, unweighted, by name.
 
     Args:
         predictions: BoxPredictions (B, Q, ...). targets: BoxTargets (B, Q, ...).
@@ -110,7 +110,7 @@ def detection_losses(
 
 
 def tracking_losses(predicted, target, positive, negative, counts) -> dict[str, tf.Tensor]:
-    """The terms of equation (5), L2^pos N / N_pos and L2^neg N / N_neg, by name, divided by N.
+    """Equation (5): its terms L2^pos N / N_pos and L2^neg N / N_neg, by name, divided by N.
 
     L2 is the distance between predicted and true displacement (section III.5), summed over the
     points of each part. Dividing by N makes each term a mean, in metres, whatever the batch. A

@@ -1,4 +1,4 @@
-"""Trackers by name."""
+"""Trackers by name: a new tracker is added to `TRACKERS`, see CONTRIBUTING.md."""
 
 from __future__ import annotations
 
