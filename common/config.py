@@ -147,9 +147,15 @@ def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None
         raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
     bounds = {field.name: field.metadata for field in fields}
     dot = "" if name == "--" else "."
-    return cls(
-        **{n: _convert(hints[n], v, f"{name}{dot}{n}", path, bounds[n]) for n, v in value.items()}
-    )
+    converted = {
+        n: _convert(hints[n], v, f"{name}{dot}{n}", path, bounds[n]) for n, v in value.items()
+    }
+    try:
+        return cls(**converted)
+    except InputError as error:  # fields that contradict each other
+        if path is None or error.path is not None:
+            raise
+        raise InputError(str(error), path) from error
 
 
 def _has_no_default(field: dataclasses.Field) -> bool:

@@ -6,6 +6,7 @@ import argparse
 import errno
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -15,19 +16,25 @@ from common.notes import write_or_silence
 
 _STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
 """By error number what takes no more, where the error names no file (`common.files` names its)."""
+MAX_COUNT = 10**6
+"""Of frames, points, repetitions: more is a mistake, and lists of so many still fit in memory."""
 INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 
 
 class ArgumentParser(argparse.ArgumentParser):
-    """argparse with one-line errors, exact flag names and defaults in the help."""
+    """argparse with one-line errors, exact flag names and defaults in the help.
+
+    A word behind a single dash is a value, such as -1e-3 or -y,x,z.
+    """
 
     def __init__(self, **kwargs):
         kwargs.setdefault("formatter_class", argparse.ArgumentDefaultsHelpFormatter)
         super().__init__(allow_abbrev=False, **kwargs)
+        self._negative_number_matcher = re.compile("-[^-]")  # argparse's own lacks exponents
 
     def error(self, message: str) -> NoReturn:
         """Prints one line and exits with code 2."""
-        self.exit(2, f"{self.prog}: error: {message} (see --help)\n")
+        self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see --help)\n")
 
 
 def run(
@@ -71,10 +78,12 @@ def _refuse(line: str) -> int:
 
 
 def positive_int(text: str) -> int:
-    """argparse type: an integer >= 1."""
+    """argparse type: a count, 1 to `MAX_COUNT`."""
     value = _digits(text.removeprefix("+"))
-    if value is None or value < 1:
-        raise argparse.ArgumentTypeError(f"expected an integer from 1 to 10^18, found {text!r}")
+    if value is None or not 1 <= value <= MAX_COUNT:
+        raise argparse.ArgumentTypeError(
+            f"expected an integer from 1 to {MAX_COUNT}, found {text!r}"
+        )
     return value
 
 

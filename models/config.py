@@ -8,6 +8,9 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field
 from typing import Any, Literal, get_args
 
+from common.errors import InputError
+from kitti.objects import CLASSES, class_name
+
 Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product", "none"]
 """Table III, and none: no association, the refinement sees frame t-1 alone (not in the paper)."""
 FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
@@ -16,6 +19,9 @@ FUSED_FEATURES: tuple[str, ...] = get_args(FusedFeatures)
 
 MAX_POINTS, MAX_WIDTH, MAX_NEIGHBORS = 200_000, 8192, 4096
 """Bounds of values read from files: far beyond any use, within the memory of a machine."""
+MIN_RADIUS = 1e-3  # metres; coordinates are divided by the radius
+MAX_MOMENTUM = 0.9999  # at 1 the moving averages stay what they are at the start
+MAX_WEIGHT = 1e6  # of a loss term, far below float32's largest number
 
 
 def note(default, text: str, least: float = 0, most: float | None = None):
@@ -33,7 +39,7 @@ class SetAbstractionConfig:
     """One SA row of Table I, single-scale grouping."""
 
     num_points: int = _between(1, MAX_POINTS)
-    radius: float = _between(0, 1000)  # metres
+    radius: float = _between(MIN_RADIUS, 1000)  # metres
     widths: tuple[int, ...] = _between(1, MAX_WIDTH)
     num_neighbors: int = _between(1, MAX_NEIGHBORS, 32)  # open in the paper; PointNet++'s value
 
@@ -45,7 +51,9 @@ class SetUpconvConfig:
     The last width is the layer after pooling and the skip connection, as in FlowNet3D.
     """
 
-    radius: float = _between(0, 1000)  # metres; neighbours outside are replaced by the nearest
+    radius: float = _between(
+        MIN_RADIUS, 1000
+    )  # metres; neighbours outside are replaced by the nearest
     widths: tuple[int, ...] = _between(1, MAX_WIDTH)
     num_neighbors: int = _between(1, MAX_NEIGHBORS, 8)  # FlowNet3D
 
@@ -69,6 +77,13 @@ class BoxCodingConfig:
     quality: bool = note(
         True, "predict the 3-D IoU of a point's box with its object (not in the paper: IoU-Net)"
     )
+
+    def __post_init__(self):
+        object.__setattr__(self, "classes", tuple(class_name(name) for name in self.classes))
+        labelled = [name for name in CLASSES if name != "DontCare"]
+        if not set(self.classes) <= set(labelled) or len(set(self.classes)) < len(self.classes):
+            expected = f"expected each once of {' '.join(labelled)}"
+            raise InputError(f"box.classes: {expected}, found {' '.join(self.classes)}")
 
 
 @dataclass(frozen=True)
@@ -101,8 +116,14 @@ class DetectorConfig:
     fc1_width: int = note(128, "FC1", 1, MAX_WIDTH)
     box: BoxCodingConfig = field(default_factory=BoxCodingConfig)
     batch_norm_momentum: float = note(
-        0.97, "moving averages; choice of ours for short trainings", 0, 1
+        0.97, "moving averages; choice of ours for short trainings", 0, MAX_MOMENTUM
     )
+
+    def __post_init__(self):
+        down, up = len(self.set_abstraction), len(self.set_upconv)
+        if up != down - 1:
+            expected = f"expected {down - 1} layers, one fewer than set_abstraction has"
+            raise InputError(f"set_upconv: {expected}, found {up}")
 
 
 @dataclass(frozen=True)
@@ -117,20 +138,20 @@ class TrackerConfig:
         "append the fused value to [f_i, f_j, d_j] (the text of section III.2) instead of using it "
         "in place of f_i and f_j (FlowNet3D)",
     )
-    set_abstraction: tuple[SetAbstractionConfig, ...] = note(
+    set_abstraction: tuple[SetAbstractionConfig, SetAbstractionConfig] = note(
         (_sa(2048, 0.5, 32, 32, 64), _sa(512, 1.0, 64, 64, 128)), "SA1 and SA2, both frames"
     )
-    association_radius: float = note(5.0, "Assn. (metres)", 0, 1000)
+    association_radius: float = note(5.0, "Assn. (metres)", MIN_RADIUS, 1000)
     association_neighbors: int = note(64, "K (section IV.B)", 1, MAX_NEIGHBORS)
     association_widths: tuple[int, ...] = note((128, 128), "Assn.", 1, MAX_WIDTH)
     refinement_abstraction: SetAbstractionConfig = _sa(32, 4.0, 256, 256)  # SA3
-    refinement_upconv: tuple[SetUpconvConfig, ...] = note(
+    refinement_upconv: tuple[SetUpconvConfig, SetUpconvConfig] = note(
         (SetUpconvConfig(4.0, (256, 256)), SetUpconvConfig(1.0, (128, 256, 256))), "FP1 and FP2"
     )
     propagation_widths: tuple[int, ...] = note((256, 256), "FP3", 1, MAX_WIDTH)
     fc1_width: int = note(128, "FC1", 1, MAX_WIDTH)
     batch_norm_momentum: float = note(
-        0.97, "moving averages; choice of ours for short trainings", 0, 1
+        0.97, "moving averages; choice of ours for short trainings", 0, MAX_MOMENTUM
     )
 
 
@@ -138,22 +159,24 @@ class TrackerConfig:
 class DetectionLossWeights:
     """Weight of each term; equations (2) and (3) have 1 everywhere."""
 
-    mask: float = note(1.0, "L_mask")
-    center: float = note(1.0, "L_center")
-    h_cls: float = note(1.0, "L_h_cls")
-    h_reg: float = note(1.0, "L_h_reg")
-    s_cls: float = note(1.0, "L_s_cls")
-    s_reg: float = note(10.0, "L_s_reg; as a share of the template it is small (vans too short)")
-    sem_cls: float = note(1.0, "L_sem_cls")
-    quality: float = note(1.0, "predicted 3-D IoU; not in the paper")
+    mask: float = note(1.0, "L_mask", 0, MAX_WEIGHT)
+    center: float = note(1.0, "L_center", 0, MAX_WEIGHT)
+    h_cls: float = note(1.0, "L_h_cls", 0, MAX_WEIGHT)
+    h_reg: float = note(1.0, "L_h_reg", 0, MAX_WEIGHT)
+    s_cls: float = note(1.0, "L_s_cls", 0, MAX_WEIGHT)
+    s_reg: float = note(
+        10.0, "L_s_reg; as a share of the template it is small (vans too short)", 0, MAX_WEIGHT
+    )
+    sem_cls: float = note(1.0, "L_sem_cls", 0, MAX_WEIGHT)
+    quality: float = note(1.0, "predicted 3-D IoU; not in the paper", 0, MAX_WEIGHT)
 
 
 @dataclass(frozen=True)
 class TrackingLossWeights:
     """alpha and beta of equation (5): 1 unless measured better."""
 
-    alpha: float = note(1.0, "weight of foreground points, equation (5)")
-    beta: float = note(1.0, "weight of background points, equation (5)")
+    alpha: float = note(1.0, "weight of foreground points, equation (5)", 0, MAX_WEIGHT)
+    beta: float = note(1.0, "weight of background points, equation (5)", 0, MAX_WEIGHT)
 
 
 @dataclass(frozen=True)

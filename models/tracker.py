@@ -7,6 +7,7 @@ from typing import NamedTuple
 import keras
 import tensorflow as tf
 
+from common.errors import InputError
 from models.association_head import AssociationHead
 from models.boxes.box_coding import head_channels
 from models.config import DetectorConfig, TrackerConfig
@@ -18,6 +19,8 @@ from models.refinement import Refinement
 from models.set_abstraction import SetAbstraction
 from models.tracker_indices import FrameIndices, frame_indices
 from tf_ops import gather_point, three_interpolate
+
+LEVELS = 4  # of the detector in Table I
 
 
 class TrackerInputs(NamedTuple):
@@ -66,6 +69,10 @@ class FusedFeatures:
             return detector.fc1_width
         if self.name == "filter+FC2":
             return head_channels(detector.box)
+        levels = len(detector.set_abstraction)
+        if levels != LEVELS:
+            expected = f"expected a detector of {LEVELS} set abstraction layers"
+            raise InputError(f"fused_features {self.name}: {expected}, found {levels}")
         abstraction = detector.set_abstraction[self.level - 1]
         return abstraction.widths[-1] + detector.set_upconv[self.level - 1].widths[-1]
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
+import os
 import sys
 from pathlib import Path
 
 from common.config_flags import add_flags, from_flags
+from common.errors import InputError
 from common.flags import ArgumentParser, non_negative_int
 from training.sampling.data import add_data_flags, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
+MAX_WORKERS = 256
+BYTES_PER_POINT = 2000
+"""Memory of a training step, at least: the paper's detector has 640 float32 features of a point."""
 
 
 def parser(description: str, config) -> ArgumentParser:
@@ -24,7 +30,7 @@ def parser(description: str, config) -> ArgumentParser:
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
     add(
         "--workers",
-        type=non_negative_int,
+        type=_workers,
         default=0,
         help="processes that make samples, for machines with a GPU; 0: threads of this process",
     )
@@ -32,6 +38,13 @@ def parser(description: str, config) -> ArgumentParser:
     add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
     add_flags(result, config)
     return result
+
+
+def _workers(text: str) -> int:
+    value = non_negative_int(text)
+    if value > MAX_WORKERS:
+        raise argparse.ArgumentTypeError(f"expected 0 to {MAX_WORKERS} processes, found {value}")
+    return value
 
 
 def defaults(config):
@@ -58,6 +71,8 @@ def train(flags, make_task, config, picture=None) -> int:
 
     picture: task -> matplotlib figure, logged after each epoch.
     """
+    import tensorflow as tf
+
     from tf_ops.devices import describe_device
     from training.loop import TrainingDivergedError, run_training
     from training.run_state import prepare_workdir
@@ -65,7 +80,7 @@ def train(flags, make_task, config, picture=None) -> int:
     from training.training_run import start
 
     workdir = Path(flags.workdir)
-    if flags.strategy != "multiworker" and (workdir / "config.json").exists():
+    if flags.strategy != "multiworker":  # there the chief alone looks at it
         prepare_workdir(workdir, flags.resume)
     print(describe_device(), flush=True)
     strategy = make_strategy(flags.strategy)
@@ -80,6 +95,8 @@ def train(flags, make_task, config, picture=None) -> int:
         flags.workers,
         picture,
     )
+    replicas = strategy.num_replicas_in_sync
+    check_memory(config.schedule.batch_size // replicas, run.task.samples.num_points)
     if flags.init and not flags.resume:
         with strategy.scope():
             start_from(flags.init, run)
@@ -88,9 +105,22 @@ def train(flags, make_task, config, picture=None) -> int:
     except TrainingDivergedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    except tf.errors.ResourceExhaustedError as error:
+        raise InputError("out of memory: choose a smaller --schedule.batch_size") from error
     finally:
         run.close()
     return 0
+
+
+def check_memory(batch: int, points: int) -> None:
+    """Refuses a batch of scans whose features cannot fit into this machine's memory."""
+    needed = batch * points * BYTES_PER_POINT
+    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if needed > there:
+        raise InputError(
+            f"--schedule.batch_size: {batch} samples of {points} points need at least "
+            f"{needed / 2**30:.0f} GiB, this machine has {there / 2**30:.0f} GiB"
+        )
 
 
 def start_from(path: str, run) -> None:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from common.errors import InputError
 from models.config import (
+    MAX_POINTS,
+    MAX_WEIGHT,
     DetectionLossWeights,
     DetectorConfig,
     TrackerConfig,
     TrackingLossWeights,
     note,
 )
+
+MIN_STEP = 1e-12
+"""Least learning rate, epsilon and norm of the gradients: with 0 nothing is learned, or 0 / 0."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,10 @@ class AugmentationConfig:
     height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres", 0, 100)
     dropout: float = note(0.3, "share of the points left out, uniform in [0, x]", 0, 0.95)
     object_shift: float = note(
-        2.0, "D of section IV.D: every labelled object moves by a length from [0, D] metres"
+        2.0,
+        "D of section IV.D: every labelled object moves by a length from [0, D] metres",
+        0,
+        1000,
     )
     object_shift_share: float = note(0.6, "share of the samples whose objects are shifted", 0, 1)
     pasted_objects: int = note(
@@ -46,12 +55,12 @@ class ScheduleConfig:
     batch_size: int = note(
         8, "of all replicas together: 8 for the detector, 6 for the tracker", 1, 4096
     )
-    learning_rate_min: float = note(1e-4, "lower bound of the cyclical learning rate")
-    learning_rate_max: float = note(1e-3, "upper bound of the cyclical learning rate")
+    learning_rate_min: float = note(1e-4, "lower bound of the cyclical learning rate", 0, 1)
+    learning_rate_max: float = note(1e-3, "upper bound of the cyclical learning rate", MIN_STEP, 1)
     cycle_epochs: int = note(8, "a full cycle, up and down", 1, 10**6)
     beta1: float = note(0.9, "Adam", 0, 0.9999)
     beta2: float = note(0.999, "Adam", 0, 0.999999)
-    epsilon: float = note(1e-8, "Adam")
+    epsilon: float = note(1e-8, "Adam", MIN_STEP, 1)
     frozen_batch_norm_from: float = note(
         0.75,
         "share of the training after which batch normalisation uses its moving averages, frozen, "
@@ -59,11 +68,20 @@ class ScheduleConfig:
         0,
         1,
     )
-    clip_norm: float = note(10.0, "global norm of the gradients; our choice, keeps a bad batch out")
+    clip_norm: float = note(
+        10.0, "global norm of the gradients; our choice, keeps a bad batch out", MIN_STEP, 1e6
+    )
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
     keep_checkpoints: int = note(3, "number of the last checkpoints kept beside the best", 1)
     validation_frames: int = note(64, "samples looked at after each epoch; 0: all")
     seed: int = note(0, "of initial weights, order, sampling and augmentation", 0, 2**32 - 1)
+
+    def __post_init__(self):
+        low, high = self.learning_rate_min, self.learning_rate_max
+        if low > high:
+            raise InputError(
+                f"learning_rate_min: expected at most learning_rate_max ({high:g}), found {low:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -72,14 +90,16 @@ class DetectorTrainingConfig:
 
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     loss: DetectionLossWeights = field(default_factory=DetectionLossWeights)
-    focal_gamma: float = note(2.0, "gamma of equation (4); the focal loss paper's value")
+    focal_gamma: float = note(2.0, "gamma of equation (4); the focal loss paper's value", 0, 20)
     object_balance: float = note(
-        0.5, "box losses of a point weigh 1 / (points of its object)^x; 0: all points alike"
+        0.5, "box losses of a point weigh 1 / (points of its object)^x; 0: all points alike", 0, 4
     )
     query_points: int = note(
         0,
         "points at which mask and boxes are trained: all foreground and a random part of the "
         "background, re-weighted to the full background count; 0: all N points",
+        0,
+        MAX_POINTS,
     )
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
@@ -95,6 +115,8 @@ class TrackerTrainingConfig:
         1.0,
         "weight of equation (5) on a linear head on the association features, in training alone; "
         "0: none",
+        0,
+        MAX_WEIGHT,
     )
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     schedule: ScheduleConfig = field(default_factory=lambda: ScheduleConfig(batch_size=6))

@@ -18,6 +18,8 @@ from training.validation import validate
 
 READ_SECONDS = 1.0
 """Between two readings of the steps' losses, which are checked, summed up and shown."""
+NOT_FINITE = "values must be finite"
+"""In the errors of ops (tf_ops) that are given NaN or infinity."""
 
 
 class TrainingDivergedError(RuntimeError):
@@ -48,7 +50,12 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
     train_step = compile_train_step(run)
     metrics: dict[str, float] = history.rows[-1] if history.rows else {}
     for epoch in range(step // per_epoch, schedule.epochs):
-        means = _epoch(run, folder, batches, train_step, epoch, step)
+        try:
+            means = _epoch(run, folder, batches, train_step, epoch, step)
+        except tf.errors.InvalidArgumentError as error:
+            if NOT_FINITE not in error.message:
+                raise
+            raise TrainingDivergedError(f"epoch {epoch + 1}: {_fault(error.message)}") from error
         step = (epoch + 1) * per_epoch
         if not run.chief:
             continue
@@ -62,6 +69,11 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
         save_checkpoint(run, folder, step, metrics)
         keep_best(run, folder, history, metrics)
     return metrics
+
+
+def _fault(message: str) -> str:
+    """The line of an op's error that names the value that is not finite."""
+    return next(line for line in message.splitlines() if NOT_FINITE in line)
 
 
 def training_data(run: TrainingRun, first: int, last: int):

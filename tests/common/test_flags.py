@@ -50,7 +50,9 @@ def test_success_gives_mains_code():
     assert flags.run(lambda argv: 5) == 5
 
 
-@pytest.mark.parametrize("argv", [["--unknown", "1"], ["--numb", "3"], ["--number", "x"]])
+@pytest.mark.parametrize(
+    "argv", [["--unknown", "1"], ["--numb", "3"], ["--number", "x"], ["a\nb"], ["--number", "a\nb"]]
+)
 def test_unknown_abbreviated_or_wrong_flag(capsys, argv):
     parser = flags.ArgumentParser(prog="tool")
     parser.add_argument("--number", type=flags.positive_int, default=1)
@@ -60,6 +62,22 @@ def test_unknown_abbreviated_or_wrong_flag(capsys, argv):
     err = capsys.readouterr().err
     assert err.startswith("tool: error: ")
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("value", ["-1e-3", "-2E5", "-.5", "-7", "-y,x,z"])
+def test_a_value_may_begin_with_a_dash(value):
+    parser = flags.ArgumentParser()
+    parser.add_argument("--value")
+    figures = parser.add_subparsers()
+    figures.add_parser("part").add_argument("--other")
+    assert parser.parse_args(["--value", value]).value == value
+    assert parser.parse_args(["part", "--other", value]).other == value
+
+
+def test_a_word_behind_a_dash_is_no_flag(capsys):
+    with pytest.raises(SystemExit):
+        flags.ArgumentParser(prog="tool").parse_args(["-seqs"])
+    assert capsys.readouterr().err == "tool: error: unrecognized arguments: -seqs (see --help)\n"
 
 
 @pytest.mark.parametrize(
@@ -88,6 +106,7 @@ def test_types_read_good_values(kind, good, value):
         (flags.non_negative_int, "\u0663"),
         (flags.positive_int, "\u00b2"),
         (flags.positive_int, "9" * 5000),
+        (flags.positive_int, "1000001"),
         (flags.finite_float, "nan"),
         (flags.finite_float, "inf"),
         (flags.finite_float, "two"),

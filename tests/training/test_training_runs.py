@@ -28,7 +28,7 @@ from models.detector import Detector
 from models.weights import load_detector, load_networks, load_tracker
 from training import loop
 from training.checkpoint_folder import CheckpointFolder
-from training.command_line import start_from
+from training.command_line import check_memory, start_from
 from training.config import (
     AugmentationConfig,
     DetectorTrainingConfig,
@@ -240,6 +240,76 @@ def test_bad_configuration_and_data_are_named(tmp_path, capsys):
     assert run_script(train_det.main, [*base, *bad]) == 2
     assert "point_features: expected one of" in capsys.readouterr().err
     assert not (tmp_path / "work").exists()
+
+
+ABSURD = f"1{'0' * 30}"
+OUT_OF_RANGE = [
+    *(("schedule.batch_size", value) for value in ("0", "-1", ABSURD)),
+    *(("schedule.learning_rate_max", value) for value in ("nan", "-1e-3", "0", "inf", "2")),
+    *(("schedule.learning_rate_min", value) for value in ("nan", "-1e-3", "0.5")),
+    *(("schedule.epsilon", value) for value in ("0", "nan", "1e-300")),
+    *(("schedule.clip_norm", value) for value in ("0", "-1", "1e30")),
+    *(("schedule.beta2", value) for value in ("1", "-0.1", "nan")),
+    *(("schedule.seed", value) for value in ("-1", str(2**40), ABSURD)),
+    *(("schedule.epochs", value) for value in ("-1", ABSURD)),
+    *(("schedule.keep_checkpoints", value) for value in ("0", "-2")),
+    *(("schedule.frozen_batch_norm_from", value) for value in ("1.1", "-0.1", "nan")),
+    *(("augmentation.object_shift_share", value) for value in ("1.5", "-0.1", "nan")),
+    *(("augmentation.object_shift", value) for value in ("-1", "1e15")),
+    *(("loss.mask", value) for value in ("-1", "nan", "1e15")),
+    *(("focal_gamma", value) for value in ("-1", "1e15")),
+    *(("query_points", value) for value in ("-1", ABSURD)),
+    *(("detector.num_points", value) for value in ("0", "-5", "1000000", ABSURD)),
+    *(("detector.batch_norm_momentum", value) for value in ("1", "nan")),
+    *(("detector.box.classes", value) for value in ('["Boat"]', '["Car","car"]', '["DontCare"]')),
+    ("detector.set_upconv", '[{"radius": 1, "widths": [8]}]'),
+    ("detector.set_abstraction", '[{"num_points": 5, "radius": 0, "widths": [8]}]'),
+    *(("workers", value) for value in ("-1", "257", ABSURD)),
+    *(("share", value) for value in ("1.5", "nan", "0", "0.5")),
+]
+
+
+@pytest.mark.parametrize(("flag", "value"), OUT_OF_RANGE, ids=lambda word: word[:32])
+def test_values_out_of_range_are_one_line(tiny_data, tmp_path, capsys, flag, value):
+    base = ["--data_root", tiny_data, "--seqs", "0000", "--val_seqs", "0001"]
+    words = [*base, "--workdir", tmp_path / "work", f"--{flag}", value]
+    try:
+        code = run_script(train_det.main, [str(word) for word in words])
+    except SystemExit as end:
+        code = end.code
+    error = capsys.readouterr().err
+    assert code == 2 and error.count("\n") == 1
+    assert flag.rpartition(".")[2] in error
+    assert not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"association_radius": 0}, "association_radius: expected 0.001 to 1000"),
+        ({"set_abstraction": []}, "set_abstraction: expected 2 items"),
+        ({"num_kept_points": 10**9}, "num_kept_points: expected 1 to 200000"),
+    ],
+)
+def test_trackers_that_cannot_be_built_are_refused(tmp_path, capsys, changes, message):
+    (flag, value), *_ = changes.items()
+    base = ["--data_root", "x", "--workdir", str(tmp_path / "work"), "--detector", "x"]
+    assert run_script(train_track.main, [*base, f"--tracker.{flag}", json.dumps(value)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_batch_larger_than_the_memory_is_refused():
+    check_memory(8, 15_000)
+    with pytest.raises(InputError, match=r"4096 samples of 200000 points need at least 15\d\d GiB"):
+        check_memory(4096, 200_000)
+
+
+def test_weights_that_are_not_finite_end_the_training(tiny_data, tmp_path):
+    run = detector_run(tiny_data, tmp_path, SHORT)
+    for variable in run.task.model.trainable_weights:
+        variable.assign(np.nan * variable)
+    with pytest.raises(loop.TrainingDivergedError, match=r"epoch 1: .* values must be finite"):
+        loop.run_training(run)
 
 
 def test_frozen_batch_norm_leaves_the_averages_as_they_are(tiny_data, tmp_path):

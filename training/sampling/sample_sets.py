@@ -58,6 +58,7 @@ class DetectorSamples(FrameItems):
         augmentation: AugmentationConfig,
     ):
         super().__init__(sequences, config.detector.box.classes, frame_list(sequences))
+        self.num_points = config.detector.num_points
         self.config, self.augmentation = config, augmentation
 
     @cached_property
