@@ -14,7 +14,7 @@ import numpy as np
 
 from common.errors import InputError
 from evaluation.scene import Scene
-from kitti.labels import VEHICLES, Objects
+from kitti.objects import VEHICLES, Objects
 from tracking.frame_detections import FrameDetections
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class LabelBoxes:
 
 
 class DetectionFiles:
-    """Detections of some classes from files, all read at once, so that bad ones are found first.
+    """Detections of some classes from files; all are read on construction and validated.
 
     Args:
         folder: see `kitti.detections.read_detection_folder`.

@@ -1,7 +1,7 @@
 """Cache of the networks' outputs on disk: one pass over a scene serves every tracker and picture.
 
-A file is named by everything its content depends on, so a second run finds it and a run with other
-weights, data or code does not. TensorFlow is imported only where the networks have to run.
+The name of a file is a digest of weights, data and code: a second run reuses it, a run with
+others writes another one. TensorFlow is imported only where the networks have to run.
 
 Letters: F frames, R boxes of all frames, n points of a frame, C channels of the appearance.
 """
@@ -25,7 +25,7 @@ from common.files import write_arrays
 from common.imports import imported_files
 from common.progress import Progress
 from common.provenance import ROOT
-from evaluation.detections import DetectionProvider, NetworkDetections
+from evaluation.detections import NetworkDetections
 from evaluation.scene import Scene
 from models.boxes.box_score import FILE_NAME as SCORER
 from tracking.frame_detections import FrameDetections
@@ -54,23 +54,14 @@ class CachedPredictions:
     Args:
         folder: of the files.
         weights: folder with detector.npz, tracker.npz and perhaps scorer.json.
-        boxes: provider of the boxes in place of the detector, if given.
-        boxes_name: description of `boxes`, part of the file's name.
     """
 
-    def __init__(
-        self,
-        folder: str | Path,
-        weights: str | Path,
-        boxes: DetectionProvider | None = None,
-        boxes_name: str = "network",
-    ):
+    def __init__(self, folder: str | Path, weights: str | Path):
         self.folder, self.weights = Path(folder), Path(weights)
-        self.boxes, self.boxes_name = boxes, boxes_name
 
     @cached_property
     def _network(self):
-        loaded = NetworkDetections.load(self.weights, self.boxes)
+        loaded = NetworkDetections.load(self.weights)
         loaded.network = Stopwatch(loaded.network)
         loaded.network.warm_up()
         return loaded
@@ -89,7 +80,7 @@ class CachedPredictions:
         """The file of a scene, whether it exists yet or not."""
         digest = hashlib.blake2b(self._code_and_weights, digest_size=8)
         shift = None if scene.shift is None else sorted(asdict(scene.shift).items())
-        digest.update(repr((FORMAT, self.boxes_name, shift)).encode())
+        digest.update(repr((FORMAT, shift)).encode())
         digest.update(_digest_of_data(scene))
         return self.folder / f"{scene.name}-{digest.hexdigest()}.npz"
 
@@ -144,7 +135,7 @@ class Stopwatch:
         self.seconds: list[list[float]] = []
 
     def warm_up(self) -> None:
-        """Two frames of random points, so that no measured time includes tracing."""
+        """Runs two frames of random points: measured times then exclude tracing."""
         points = np.random.default_rng(0).uniform((5, -20, -2), (60, 20, 1), (20000, 3))
         previous, current = (self.network.detect(points, t) for t in (0, 1))
         self.network.displacement(previous, current)

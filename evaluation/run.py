@@ -27,8 +27,9 @@ from evaluation.scene import Scene
 from evaluation.submission import SUBMISSION, write_submission
 from evaluation.table import full_table
 from evaluation.tracking_loop import track_scene
-from kitti.labels import Objects, write_results
+from kitti.labels import write_results
 from kitti.object_shift import ObjectShift
+from kitti.objects import Objects
 from metrics.comparison import track_scores
 from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
@@ -42,7 +43,7 @@ def evaluate(
     shift: ObjectShift | None = None,
     provider: DetectionProvider | None = None,
 ) -> dict[str, Any]:
-    """Tracks (or reads results), writes `config.out`, and returns what metrics.json holds.
+    """Tracks (or reads results), writes `config.out`, and returns the content of metrics.json.
 
     Args:
         config: validated settings.
@@ -50,7 +51,7 @@ def evaluate(
         provider: of the detections that `config` describes, in place of a new one (a cache).
 
     Raises:
-        InputError: bad input; nothing is under a final name in `out` then.
+        InputError: bad input; `out` then has no new file.
     """
     if config.out is not None:
         check_writable(config.out)
@@ -120,7 +121,7 @@ def run_tracker(
 def _results(
     config: EvaluateConfig, scenes: list[Scene], provider: DetectionProvider | None
 ) -> tuple[dict[str, Objects], float | None]:
-    """The evaluated rows, as a result file has them after rounding, and the tracks' least score.
+    """The evaluated rows, rounded as in a result file, and the least mean score of a track.
 
     Tracks below it are left out, in the files of `config.out` too.
     """
@@ -151,7 +152,7 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
     folder.mkdir(parents=True, exist_ok=True)
     for name, rows in tracked.items():
         write_results(folder / f"{name}.txt", rows)
-    for path in folder.iterdir():  # an earlier run's other sequences do not belong to this one
+    for path in folder.iterdir():  # other sequences, written by an earlier run
         if _RESULT_NAME.fullmatch(path.name) and path.stem not in tracked:
             path.unlink()
     return _read(folder, scenes)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from kitti.labels import Objects
 from kitti.object_shift import (
     ObjectShift,
     shift_detections,
     shift_objects,
     shift_points,
 )
+from kitti.objects import Objects
 from kitti.sequence import KittiSequence, open_sequences
 
 
@@ -32,10 +32,7 @@ class Scene:
         self.frames, self.num_frames = sequence.frames, sequence.num_frames
 
     def check(self, poses: bool, scans: bool) -> None:
-        """Reads labels, calibration and, where needed, poses, and looks for scans.
-
-        So a bad file is found before any work.
-        """
+        """Reads labels, calibration and poses, and checks for scans, before any other work."""
         _ = self.objects, self.sequence.calib, self.ego_motions if poses else None
         if scans:
             self.sequence.check_scans()
@@ -47,13 +44,13 @@ class Scene:
 
     @cached_property
     def objects(self) -> Objects:
-        """The labels of all classes where they are in this scene."""
+        """The labels of all classes, shifted as in this scene."""
         if self.shift is None:
             return self.sequence.objects
         return shift_objects(self.sequence.objects, self._offsets)
 
     def shifted(self, detections: Objects) -> Objects:
-        """Detections of the sequence on disk, shifted along with the objects they lie on."""
+        """Detections of the sequence on disk, each shifted with the object it overlaps most."""
         if self.shift is None:
             return detections
         return shift_detections(detections, self.sequence.objects, self._offsets)

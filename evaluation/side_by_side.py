@@ -1,4 +1,4 @@
-"""Several trackers on the very same boxes, with the time each of them takes."""
+"""Several trackers on the same boxes, with the time of each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NETWORK_PARTS = ("detect", "displacement", "appearance")
 
 
 class TimedDetections:
-    """A detection provider that measures how long its reader takes between two frames."""
+    """A detection provider that measures the time of its consumer between two frames."""
 
     def __init__(self, provider: DetectionProvider):
         self.provider, self.seconds, self.count = provider, 0.0, 0
@@ -50,7 +50,7 @@ def network_seconds(cached: CachedPredictions, scenes: list[Scene]) -> dict[str,
 def evaluate_cached(
     config: EvaluateConfig, cached: CachedPredictions, tracker: str, out: Path
 ) -> dict[str, Any]:
-    """One tracker on cached detections: what `evaluate` returns and writes to `out`, and its times.
+    """Evaluates one tracker on cached detections: the record of `evaluate`, with times per frame.
 
     `seconds_per_frame` holds the network's parts that this tracker needs (the displacement is
     PointTrackNet's, the appearance DEEP_SORT's), the tracker's own time, and their sum `total`.

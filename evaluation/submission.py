@@ -1,4 +1,4 @@
-"""Result files as the KITTI server takes them: one zip, a text file per testing sequence."""
+"""Submission to the KITTI server: one zip with a result file per testing sequence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metrics as Markdown tables for readers; metrics.json is their machine-readable form."""
+"""Metrics as Markdown tables; metrics.json holds the same numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracks a scene, and makes result-file rows of the tracks."""
+"""Tracks a scene and converts the tracks to rows of a result file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from evaluation.detections import DetectionProvider
 from evaluation.scene import Scene
 from kitti.boxes import project_boxes
 from kitti.calibration import Calibration
-from kitti.labels import Objects
+from kitti.objects import Objects
 from tracking import FrameContext, LabelMotion, MultiObjectTracker, Tracks, track_frame
 
 NEVER_SEEN = 0.0  # 2-D box of a track that was never in the image; -1 would switch 2-D metrics off
@@ -84,10 +84,10 @@ def result_rows(
 
 
 def keep_last_seen(ids: np.ndarray, bbox: np.ndarray) -> np.ndarray:
-    """2-D boxes (R, 4) without NaN: a track outside the image keeps the box it had last.
+    """2-D boxes (R, 4) without NaN: a track outside the image keeps its last box inside.
 
-    So it stays the false alarm that it is (an empty box would be ignored), as where a tracker
-    passes on its detections' 2-D boxes. Rows are in the order of frames; `ids` is (R,).
+    It therefore still counts as a false alarm; an empty box would be ignored. Rows are in the order
+    of frames; `ids` is (R,).
     """
     filled, last = bbox.copy(), {}
     seen = ~np.isnan(bbox).any(axis=1)

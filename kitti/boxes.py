@@ -23,7 +23,7 @@ _EDGES = np.array(
 
 
 def wrap_angle(angle: np.ndarray) -> np.ndarray:
-    """Angles in radians brought into [-pi, pi)."""
+    """Wraps angles in radians to [-pi, pi)."""
     wrapped = np.mod(np.asarray(angle) + np.pi, 2 * np.pi) - np.pi
     # mod of a tiny negative number rounds up to 2 pi itself, which is not below pi.
     return np.where(wrapped >= np.pi, -np.pi, wrapped)[()]
@@ -64,15 +64,15 @@ def box_corners(boxes: np.ndarray) -> np.ndarray:
 
 
 def points_in_boxes(points: np.ndarray, boxes: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    """Index of the box that holds each point.
+    """Index of the box that contains each point.
 
     Args:
         points: (n, >= 3), x y z first, in the boxes' frame.
-        boxes: (M, 7); rows with NaN hold nothing.
+        boxes: (M, 7); rows with NaN contain no point.
         margin: metres by which every face is moved outward (inward if negative).
 
     Returns:
-        (n,) int32: index of the first box that holds the point (faces included), or -1.
+        (n,) int32: index of the first box that contains the point (faces included), or -1.
     """
     boxes = np.asarray(boxes, np.float64).reshape(-1, 7)
     x, y, z = np.array(np.asarray(points)[:, :3].T, np.float64, order="C")
@@ -102,8 +102,8 @@ def to_box_frame(xyz: np.ndarray, box: np.ndarray) -> np.ndarray:
 def transform_boxes(boxes: np.ndarray, transform: np.ndarray) -> np.ndarray:
     """(M, 7) boxes moved by a rigid (4, 4) transform -> (M, 7) float64.
 
-    Boxes stay upright: the centre moves exactly, yaw turns by the heading that the transform
-    gives to the box's own forward direction.
+    Boxes stay upright: the centre is transformed exactly; the new yaw is the heading of the
+    transformed forward direction.
     """
     moved = np.array(boxes, np.float64).reshape(-1, 7)
     forward = np.stack([np.cos(moved[:, 6]), np.sin(moved[:, 6])], axis=1) @ transform[:2, :2].T

@@ -13,32 +13,18 @@ from common.files import write_text
 from kitti.tables import read_lines
 
 LEVEL_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""x forward, y left, z up out of x right, y down, z forward; a rotation, so its own inverse.T."""
+"""Rotation from x right, y down, z forward to x forward, y left, z up."""
 
-# Names in the tracking benchmark's zip, and those of the raw data, differ from the object
-# benchmark's.
+# Names in the tracking benchmark and in the raw data -> names in the object benchmark.
 _ALIASES = {
-    "P_rect_00": "P0",
-    "P_rect_01": "P1",
-    "P_rect_02": "P2",
-    "P_rect_03": "P3",
+    **{f"P_rect_0{i}": f"P{i}" for i in range(4)},
     "R_rect": "R0_rect",
     "R_rect_00": "R0_rect",
     "Tr_velo_cam": "Tr_velo_to_cam",
     "Tr_imu_velo": "Tr_imu_to_velo",
 }
-_SHAPES = {
-    "P0": (3, 4),
-    "P1": (3, 4),
-    "P2": (3, 4),
-    "P3": (3, 4),
-    "R0_rect": (3, 3),
-    "Tr_velo_to_cam": (3, 4),
-    "Tr_imu_to_velo": (3, 4),
-    "Tr": (3, 4),
-    "S_rect_02": (2, 1),
-}
 _WRITTEN = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")
+_SHAPES = dict.fromkeys((*_WRITTEN, "Tr"), (3, 4)) | {"R0_rect": (3, 3), "S_rect_02": (2, 1)}
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
 _MAX_NUMBER = 1e6  # metres, pixels
 _FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
@@ -93,7 +79,7 @@ class Calibration:
     def project_level(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) level points -> uv (n, 2) pixels of the left colour image, depth (n,) metres.
 
-        Depth is measured from that camera; where it is 0 or less, uv means nothing.
+        Depth is measured from that camera; where it is 0 or less, uv is undefined.
         """
         homogeneous = _apply(self.image_from_level, xyz)
         depth = homogeneous[:, 2]
@@ -117,13 +103,13 @@ def is_rotation(matrices: np.ndarray) -> np.ndarray:
 def read_calibration(path: str | Path) -> Calibration:
     """Reads a calibration of the tracking or the object benchmark, or of odometry.
 
-    Keys are with or without colon, in any of KITTI's spellings; other keys are passed over. P0, P1,
-    P3, Tr_imu_to_velo and S_rect_02 may be absent. Odometry's `Tr` (Velodyne -> rectified camera 0)
-    takes the place of R0_rect and Tr_velo_to_cam.
+    Keys may have a colon and any of KITTI's spellings; other keys are ignored. P0, P1, P3,
+    Tr_imu_to_velo and S_rect_02 are optional. Odometry's `Tr` (Velodyne -> rectified camera 0)
+    replaces R0_rect and Tr_velo_to_cam.
 
     Raises:
-        InputError: a key is missing or twice there, has a wrong number of values, a value is not
-            a finite number, or a rotation is none.
+        InputError: a key is missing or repeated, has a wrong number of values, a value is not a
+            finite number, or a rotation matrix is invalid.
     """
     found: dict[str, np.ndarray] = {}
     for number, line in enumerate(read_lines(path), 1):
@@ -181,7 +167,7 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
 
 
 def _fault_of_projection(matrix: np.ndarray) -> str:
-    """Of a (3, 4) matrix that is no projection f 0 cx tx, 0 f cy ty, 0 0 1 tz; "" for none."""
+    """The fault of a (3, 4) projection, expected f 0 cx tx, 0 f cy ty, 0 0 1 tz; "" without one."""
     focal = matrix[[0, 1], [0, 1]]
     if not _FOCAL_LENGTHS[0] <= focal.min() <= focal.max() <= _FOCAL_LENGTHS[1]:
         low, high = _FOCAL_LENGTHS
@@ -195,7 +181,7 @@ def _fault_of_projection(matrix: np.ndarray) -> str:
 
 
 def write_calibration(path: str | Path, calib: Calibration) -> None:
-    """Writes `calib` in KITTI's layout (keys with colon); absent matrices are left out."""
+    """Writes `calib` in KITTI's layout (keys with colon); absent matrices are omitted."""
     lines = []
     for name in _WRITTEN:
         matrix = getattr(calib, name.lower())

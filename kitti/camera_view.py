@@ -1,4 +1,4 @@
-"""The view of the left colour camera: size of its image, points of a scan inside it."""
+"""View of the left colour camera: image size, points of a scan inside it, checks of the axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KITTI_CAMERAS = (
 _SAME = 5e-5  # of the principal point, in focal lengths: a thirtieth of a pixel of KITTI's
 _NEAR = (25.0, 15.0, 15.0, 25.0)  # pixels: another camera of KITTI's kind, such as the simulator's
 MIN_DEPTH = 0.1
-"""Metres in front of the left colour camera from which on a point counts as seen."""
+"""Least depth of a visible point, metres in front of the left colour camera."""
 LEAST_SHARE = 0.005
 """Least share of a scan's points in view; a full turn has 0.1 to 0.3 in KITTI's view."""
 _EXPECTED = (
@@ -34,8 +34,8 @@ _EXPECTED = (
 )
 _FEW = 1000  # points; fewer do not determine a scene
 _RANGE = (1.0, 120.0)  # metres, median of the ranges; KITTI's is 9, of the part in view 15
-_HIGH = 0.7  # height of a street scene to its wider horizontal side; KITTI's is below 0.2
-_FLAT = 0.3  # spread of the heights of a road to that of what stands on it; KITTI's is 0.1
+_HIGH = 0.7  # ratio of height to the wider horizontal side of a street scene; KITTI: below 0.2
+_FLAT = 0.3  # ratio of the spread of road heights to that of objects on it; KITTI: 0.1
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
 _NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
@@ -52,11 +52,11 @@ def image_size_of(calib: Calibration, given: tuple[int, int] | None = None) -> t
 def describe_image_size(
     calib: Calibration, given: tuple[int, int] | None = None
 ) -> tuple[tuple[int, int], str]:
-    """Width and height in pixels, and where they are known from.
+    """Width and height in pixels, and their source.
 
-    In this order: the calibration's own (`S_rect_02`); `given` (a flag); KITTI's size, scaled,
-    where focal length and principal point are those of a KITTI camera at any resolution; KITTI's
-    most frequent size where they are near to its own; twice the principal point.
+    Sources in order of priority: `S_rect_02` of the calibration; `given` (a flag); KITTI's size,
+    scaled, where focal length and principal point are those of a KITTI camera at any resolution;
+    KITTI's most frequent size where they are close to its own; twice the principal point.
 
     Raises:
         InputError: `given` contradicts the calibration, or there is no size: the principal point
@@ -111,7 +111,7 @@ def in_camera_view(
     image_size: tuple[int, int] = IMAGE_SIZE,
     min_depth: float = MIN_DEPTH,
 ) -> np.ndarray:
-    """(n,) bool: the points (n, >= 3, level frame) that fall into the left colour image."""
+    """(n,) bool: the points (n, >= 3, level frame) inside the left colour image."""
     uv, depth = calib.project_level(points_level[:, :3])
     width, height = image_size
     seen = depth > min_depth
@@ -123,11 +123,11 @@ def in_camera_view(
 def check_view(
     scans: Iterable[np.ndarray], calib: Calibration, image_size: tuple[int, int]
 ) -> tuple[int, int]:
-    """Points in the camera's view and points in all, over (n, >= 3) scans (Velodyne frame, metres).
+    """Numbers of points in the camera's view and in all; scans (n, >= 3), Velodyne frame, metres.
 
     Raises:
-        InputError: there are points, but hardly any in the view, or they are no scene: as high as
-            wide, or above the camera.
+        InputError: almost no point is in the view, or the points are not a street scene: as high
+            as wide, or above the camera.
     """
     seen = total = 0
     for points in scans:
@@ -145,7 +145,7 @@ def check_view(
 
 
 def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
-    """Refuses (n, 3) points that are no street scene with z up; notes unlikely properties.
+    """Refuses (n, 3) points that are not a street scene with z up; notes unlikely properties.
 
     `level` are the points of a scan in the level frame (metres), `inside` those in view.
     """

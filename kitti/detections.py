@@ -26,7 +26,7 @@ from kitti.tables import read_lines, read_table, text_file
 DETECTION_COLUMNS = 15
 OBJECT_COLUMNS = (15, 16)
 """Of the object benchmark's files: type, truncation, occlusion, alpha, 2-D box, h w l, x y z, ry,
-and mostly a score."""
+and optionally a score."""
 DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 """Type numbers of AB3DMOT's detection files."""
 _FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
@@ -42,13 +42,13 @@ def read_detection_folder(
     `folder/NAME/data/`, or, where `alone`, `folder/` or `folder/data/`.
 
     Args:
-        folder: the folder.
+        folder: of the files.
         name: of the sequence, such as 0016.
         num_frames: frames of the sequence.
         alone: no other sequence is read from this folder.
 
     Raises:
-        InputError: there is neither, or as `read_detections` and `read_object_detections`.
+        InputError: no such file, or as `read_detections` and `read_object_detections`.
     """
     path = text_file(Path(folder), name)
     if os.path.lexists(path):
@@ -107,7 +107,7 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
 def read_object_detections(folder: str | Path, num_frames: int | None = None) -> Objects:
     """Reads files `000000.txt` in the object benchmark's layout; a missing file has no detection.
 
-    Track ids are -1; without a score column scores are NaN; rows of DontCare are left out.
+    Track ids are -1; without a score column scores are NaN; rows of DontCare are omitted.
 
     Raises:
         InputError: as `kitti.labels.read_labels`, or two files of one frame, or a frame beyond

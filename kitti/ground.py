@@ -3,8 +3,7 @@
 1. The scan is cut into square cells; each gives a low percentile of its heights.
 2. A quadratic in x, y (slope, crown, the bend of a hill) is fitted by reweighted least squares;
    cells above the surface (cars, walls, trees) lose their weight sooner than cells below.
-3. Heights are taken relative to that surface, so that a slope inside a cell no longer counts, and
-   1 and 2 are repeated.
+3. 1 and 2 are repeated on heights relative to that surface, without the slope inside a cell.
 4. The residuals of the cells near the surface are smoothed over their neighbourhood and added.
 """
 
@@ -17,18 +16,18 @@ import numpy as np
 
 @dataclass(frozen=True)
 class GroundConfig:
-    """Parameters of the fit, all chosen here: the paper only states that ground is extracted."""
+    """Parameters of the fit, our choices: the paper only states that ground is extracted."""
 
     cell_m: float = 2.0  # smaller than a car's footprint is long, larger than the ring spacing
     percentile: float = 10.0  # low, but not the lowest point: reflections lie below the road
     min_points: int = 3  # fewer points do not determine the lower envelope of a cell
     iterations: int = 8
-    max_range_m: float = 200.0  # farther points are left out of the fit; the sensor reaches 120 m
+    max_range_m: float = 200.0  # farther points are ignored; the sensor reaches 120 m
     scale_m: float = 0.15  # cells within this of the surface count fully
     start_scale_m: float = 1.2  # the scale of the first iteration; it shrinks to scale_m
-    above_penalty: float = 3.0  # how much sooner cells above the surface lose weight
+    above_penalty: float = 3.0  # factor on residuals of cells above the surface
     smooth_m: float = 4.0  # standard deviation of the local correction's neighbourhood
-    prior_weight: float = 2.0  # cells' worth of zero correction; damps cells without neighbours
+    prior_weight: float = 2.0  # zero corrections, in cells; damps cells without neighbours
     threshold_m: float = 0.2  # above the surface: roughness and range noise; wheels start lower
 
 
@@ -60,16 +59,12 @@ class GroundModel:
         return _polynomial(x, y, self.coefficients, self.span) + _bilinear(self.correction, i, j)
 
 
-def fit_ground(points_level: np.ndarray, config: GroundConfig = GROUND) -> GroundModel:
-    """Fits the ground of one scan.
+def fit_ground(points_level: np.ndarray) -> GroundModel:
+    """Fits the ground of one scan (n, >= 3), level frame, metres.
 
-    Args:
-        points_level: (n, >= 3) level frame, metres.
-        config: see `GroundConfig`.
-
-    Returns:
-        The model; flat at the lowest percentile where there are too few points for a surface.
+    With too few points for a surface it is flat, at the lowest percentile.
     """
+    config = GROUND
     xyz = np.asarray(points_level, np.float32)[:, :3]
     xyz = xyz[(np.abs(xyz[:, :2]) <= config.max_range_m).all(axis=1)]
     if not len(xyz):
@@ -81,13 +76,13 @@ def fit_ground(points_level: np.ndarray, config: GroundConfig = GROUND) -> Groun
     ij = np.zeros((0, 2), np.int64)
     for start_scale in (config.start_scale_m, config.scale_m):
         above = xyz[:, 2] - _polynomial(xyz[:, 0], xyz[:, 1], surface, span)
-        ij, height = cells.low_heights(above, config)
+        ij, height = cells.low_heights(above)
         if len(height) < 6:
             break
         basis = _basis(cells.origin + ij * config.cell_m, span)
-        change, weight = _robust_fit(basis, height, start_scale, config)
+        change, weight = _robust_fit(basis, height, start_scale)
         surface, residual = surface + change, height - basis @ change
-    correction = _smoothed(ij[: len(weight)], cells.shape, residual, weight, config)
+    correction = _smoothed(ij[: len(weight)], cells.shape, residual, weight)
     return GroundModel(surface, span, cells.origin, config.cell_m, correction)
 
 
@@ -121,7 +116,7 @@ class _Cells:
         origin = low.astype(np.float64) + cell_m / 2
         return _Cells(ij[:, 0] * columns + ij[:, 1], (rows, columns), origin)
 
-    def low_heights(self, z: np.ndarray, config: GroundConfig) -> tuple[np.ndarray, np.ndarray]:
+    def low_heights(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cells with enough points: their indices (C, 2) and the low percentile of z (C,)."""
         # One sort of integers does both: the cell in the high bits, tenths of a millimetre below.
         base = float(z.min())
@@ -130,8 +125,8 @@ class _Cells:
         number = ordered >> 32
         first = np.flatnonzero(np.diff(number, prepend=-1))
         count = np.diff(first, append=len(number))
-        at = first + ((count - 1) * config.percentile / 100).astype(np.int64)
-        at = at[count >= config.min_points]
+        at = first + ((count - 1) * GROUND.percentile / 100).astype(np.int64)
+        at = at[count >= GROUND.min_points]
         ij = np.stack(np.divmod(number[at], self.shape[1]), axis=1)
         return ij, (ordered[at] & 0xFFFFFFFF) / 1e4 + base
 
@@ -148,15 +143,15 @@ def _polynomial(x: np.ndarray, y: np.ndarray, c: np.ndarray, span: float) -> np.
 
 
 def _robust_fit(
-    basis: np.ndarray, height: np.ndarray, start_scale: float, config: GroundConfig
+    basis: np.ndarray, height: np.ndarray, start_scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reweighted least squares (Geman-McClure weights): coefficients (6,), weights (C,)."""
     coefficients = np.zeros(6)
-    coefficients[0] = np.percentile(height, config.percentile)
-    scales = np.geomspace(start_scale, config.scale_m, config.iterations)
+    coefficients[0] = np.percentile(height, GROUND.percentile)
+    scales = np.geomspace(start_scale, GROUND.scale_m, GROUND.iterations)
     for scale in scales:
         residual = height - basis @ coefficients
-        away = np.where(residual > 0, config.above_penalty, 1.0) * residual / scale
+        away = np.where(residual > 0, GROUND.above_penalty, 1.0) * residual / scale
         weight = 1 / (1 + away**2) ** 2
         weighted = basis * weight[:, None]
         # The small ridge keeps directions without data (one row of cells) at zero.
@@ -166,11 +161,7 @@ def _robust_fit(
 
 
 def _smoothed(
-    ij: np.ndarray,
-    shape: np.ndarray,
-    residual: np.ndarray,
-    weight: np.ndarray,
-    config: GroundConfig,
+    ij: np.ndarray, shape: tuple[int, int], residual: np.ndarray, weight: np.ndarray
 ) -> np.ndarray:
     """(A, B) weighted Gaussian mean of the residuals around each cell, drawn towards 0."""
     mass, total = np.zeros(shape), np.zeros(shape)
@@ -178,10 +169,10 @@ def _smoothed(
     total[ij[:, 0], ij[:, 1]] = weight * residual
     kernels = []
     for size in shape:
-        step = np.subtract.outer(np.arange(size), np.arange(size)) * config.cell_m
-        kernels.append(np.exp(-0.5 * (step / config.smooth_m) ** 2))
+        step = np.subtract.outer(np.arange(size), np.arange(size)) * GROUND.cell_m
+        kernels.append(np.exp(-0.5 * (step / GROUND.smooth_m) ** 2))
     along_x, along_y = kernels
-    return (along_x @ total @ along_y) / (along_x @ mass @ along_y + config.prior_weight)
+    return (along_x @ total @ along_y) / (along_x @ mass @ along_y + GROUND.prior_weight)
 
 
 def _bilinear(grid: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:

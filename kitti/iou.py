@@ -1,6 +1,6 @@
-"""Overlap of boxes: in space, seen from above, and in the image (x1, y1, x2, y2 in pixels).
+"""Overlap of boxes: in 3-D, seen from above, and in the image (x1, y1, x2, y2 in pixels).
 
-Areas of turned boxes come from shapely, over pairs that can overlap alone.
+Shapely computes the areas of rotated boxes, for pairs that may overlap.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from kitti.boxes import box_corners
 
 _GRID_M = 1e-10  # far below any label's precision, far above float64's rounding at 100 m
 EPS = np.finfo(np.float64).eps
-_TOUCH_M2 = 1e-9  # boxes that touch share at most a sliver that comes from the grid
+_TOUCH_M2 = 1e-9  # at most this much of touching boxes overlaps by the grid
 
 
 def iou_3d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -99,9 +99,9 @@ def _footprint(boxes: np.ndarray, centre: np.ndarray) -> np.ndarray:
 def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Area (P,) that both footprints cover, in square metres.
 
-    GEOS (seen with 3.14.1) finds no intersection at all for up to one in 100 pairs whose edges lie
-    on the same lines up to rounding. With coordinates snapped to a fine grid it does, so pairs
-    without an intersection are computed again in that way.
+    GEOS 3.14.1 finds no intersection for up to one in 100 pairs whose edges are collinear up to
+    rounding, but finds it with coordinates snapped to a fine grid. Pairs without an intersection
+    are therefore computed again on the grid.
     """
     if not len(a):
         return np.zeros(0)
@@ -114,7 +114,7 @@ def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """part / whole, 0 where whole is not above 0; at most 1, whatever the rounding."""
+    """part / whole, at most 1; 0 where whole is not above 0."""
     good = whole > 0
     return np.where(good, np.minimum(part / np.where(good, whole, 1.0), 1.0), 0.0)
 

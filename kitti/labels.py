@@ -9,18 +9,8 @@ import numpy as np
 from common.errors import InputError
 from common.files import write_text
 from kitti.boxes import camera_from_level, level_from_camera
-from kitti.objects import CLASSES, VEHICLES, Objects, class_name
+from kitti.objects import CLASSES, Objects, class_name
 from kitti.tables import Table, read_table
-
-__all__ = [
-    "CLASSES",
-    "VEHICLES",
-    "Objects",
-    "read_labels",
-    "read_results",
-    "write_labels",
-    "write_results",
-]
 
 LABEL_COLUMNS = 17
 RESULT_COLUMNS = 18
@@ -28,8 +18,8 @@ TYPE_COLUMN = 2
 MAX_FRAMES = 100_000
 """Most frames of a sequence; KITTI's longest has 1176."""
 MIN_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e7, 1e12
-"""Bounds of box sizes (metres), of coordinates (metres, pixels), of scores: beyond them a number is
-a mistake, does not come back from a result file, or overflows."""
+"""Bounds of box sizes (metres), coordinates (metres, pixels) and scores: beyond them a number is an
+error of the input, is lost in the decimals of a result file, or overflows."""
 
 # Values that mean "no 3-D box", h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
 _NO_BOX_LABEL = (-1000.0, -1000.0, -1000.0, -10.0, -1.0, -1.0, -1.0)
@@ -59,10 +49,10 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
     Args:
         path: the file; white space between 17 columns.
         num_frames: frames of the sequence, where they are known (seqmap). Without it a file
-            with no row is an error, since the labels then define the number of frames.
+            without rows is an error, since the labels then define the number of frames.
 
     Raises:
-        InputError: naming file, line and expectation, for anything that is not as KITTI has it.
+        InputError: names file, line and expectation wherever the file deviates from KITTI's format.
     """
     table = read_table(path, (LABEL_COLUMNS,), text_column=TYPE_COLUMN)
     if not len(table) and num_frames is None:
@@ -73,9 +63,9 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
 def read_results(path: str | Path, num_frames: int | None = None, tracked: bool = True) -> Objects:
     """Reads a tracker's result file: label columns and a score; empty means no tracks.
 
-    A file whose rows all lack the score is read too (the devkit allows it): scores are NaN.
-    Rows of 2-D trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids have to be
-    there and unique in their frame, unless `tracked` is False (detections).
+    Files without a score column are accepted, as in the devkit: scores are NaN. Rows of 2-D
+    trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids are required and unique in
+    their frame, unless `tracked` is False (detections).
 
     Raises:
         InputError: as `read_labels`.
@@ -121,7 +111,7 @@ def _objects(table: Table, num_frames: int | None, tracked: bool = True) -> Obje
 
 
 def known_classes(table: Table, column: int) -> np.ndarray:
-    """The text column as (R,) names of `CLASSES`, whatever their case; refuses other names."""
+    """The text column as (R,) names of `CLASSES`, in any case; refuses other names."""
     kind = np.array([class_name(name) for name in table.text.tolist()], "<U16")
     unknown = ~np.isin(kind, CLASSES)
     if unknown.any():
@@ -160,8 +150,8 @@ def _unique_ids(
 ) -> np.ndarray:
     """Ids (R,) that are unique within each frame.
 
-    An id may be in a frame once per class: KITTI's evaluation looks at one class at a time. Where
-    that happens ids are numbered anew, one number for each pair of class and id.
+    An id may occur once per class in a frame, since KITTI evaluates one class at a time. In that
+    case ids are renumbered, one number for each pair of class and id.
     """
     rows = np.flatnonzero(track_id >= 0)
     order = rows[np.lexsort((kind[rows], track_id[rows], frame[rows]))]

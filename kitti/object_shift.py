@@ -22,8 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kitti.boxes import IMAGE_SIZE, observation_angle, points_in_boxes, project_boxes
-from kitti.calibration import Calibration
+from kitti.boxes import points_in_boxes
 from kitti.iou import footprints_overlap, iou_bev_pairs
 from kitti.objects import Objects
 
@@ -160,26 +159,11 @@ def _mix(value: np.ndarray) -> np.ndarray:
     return value ^ (value >> np.uint64(31))
 
 
-def shift_objects(
-    objects: Objects,
-    offsets: np.ndarray,
-    calib: Calibration | None = None,
-    image_size: tuple[int, int] = IMAGE_SIZE,
-) -> Objects:
-    """Moves each row's box by its offset (R, 2).
-
-    With `calib`, the rows that moved also get the alpha and the projected 2-D box of their new
-    place (-1 -1 -1 -1 outside the image); without, those stay as they are.
-    """
+def shift_objects(objects: Objects, offsets: np.ndarray) -> Objects:
+    """Moves each row's box by its offset (R, 2); alpha and 2-D box stay those of the image."""
     boxes = objects.boxes.copy()
     boxes[:, :2] += offsets
-    if calib is None:
-        return objects.with_boxes(boxes)
-    alpha, bbox = objects.alpha.copy(), objects.bbox.copy()
-    rows = np.flatnonzero((np.asarray(offsets) != 0).any(axis=1) & ~np.isnan(boxes).any(axis=1))
-    alpha[rows] = observation_angle(boxes[rows])
-    bbox[rows] = np.nan_to_num(project_boxes(boxes[rows], calib, image_size), nan=-1.0)
-    return replace(objects, boxes=boxes, alpha=alpha, bbox=bbox)
+    return replace(objects, boxes=boxes)
 
 
 def shift_points(points: np.ndarray, boxes: np.ndarray, offsets: np.ndarray) -> np.ndarray:
@@ -200,20 +184,13 @@ def shift_points(points: np.ndarray, boxes: np.ndarray, offsets: np.ndarray) -> 
     return moved
 
 
-def shift_detections(
-    detections: Objects,
-    objects: Objects,
-    offsets: np.ndarray,
-    calib: Calibration | None = None,
-    image_size: tuple[int, int] = IMAGE_SIZE,
-) -> Objects:
+def shift_detections(detections: Objects, objects: Objects, offsets: np.ndarray) -> Objects:
     """Moves each detection with the object it overlaps most (largest BEV IoU above 0).
 
     Args:
         detections: (P rows) of the same sequence.
         objects: (R rows) where they are before they are moved.
         offsets: (R, 2) of the objects.
-        calib, image_size: as in `shift_objects`.
     """
     carried = np.zeros((len(detections), 2))
     row, partner = _pairs_in_frame(detections.frame, objects.frame)
@@ -221,7 +198,7 @@ def shift_detections(
     order = np.argsort(overlap, kind="stable")
     order = order[overlap[order] > 0]
     carried[row[order]] = np.asarray(offsets)[partner[order]]  # the largest is written last
-    return shift_objects(detections, carried, calib, image_size)
+    return shift_objects(detections, carried)
 
 
 def _pairs_in_frame(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

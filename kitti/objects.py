@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -52,7 +52,7 @@ def class_name(text: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """R rows of a label, result or detection file, as arrays that run in parallel.
+    """R rows of a label, result or detection file, as parallel arrays.
 
     Attributes:
         frame: (R,) int32, from 0.
@@ -112,10 +112,6 @@ class Objects:
         for name in classes:
             chosen |= self.type == name
         return self[chosen]
-
-    def with_boxes(self, boxes: np.ndarray) -> Objects:
-        """The same rows with other `boxes` (R, 7); alpha and bbox are left as they are."""
-        return replace(self, boxes=boxes)
 
     @staticmethod
     def empty() -> Objects:

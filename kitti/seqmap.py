@@ -31,7 +31,7 @@ def parse_sequences(text: str) -> list[int]:
     """Reads `0016-0020`, `0000,0003` or a mixture; the order written is kept.
 
     Raises:
-        InputError: not of that form, a range that runs backwards, or a sequence named twice.
+        InputError: another form, a descending range, or a repeated sequence.
     """
     found: list[int] = []
     for part in text.split(","):
@@ -65,7 +65,7 @@ def read_seqmap(path: str | Path) -> dict[int, range]:
     `0000 empty 000077 000153` -> {0: range(77, 154)}.
 
     Raises:
-        InputError: wrong columns, no frames or too many, a sequence named twice.
+        InputError: wrong columns, no frames or too many, a repeated sequence.
     """
     table = read_table(path, (4,), text_column=1)
     seqs, first, last = (table.integers(column, "number") for column in (0, 2, 3))

@@ -25,11 +25,11 @@ from kitti.tables import read_table, text_file
 class KittiSequence:
     """Sequence `seq` of `data_root/subset`.
 
-    Its frames are known from a seqmap (`evaluate_tracking.seqmap[.training|.testing]` in data_root
-    or data_root/subset), else they are 0 to the last labelled frame (that gives the benchmark's
-    8008 frames), else, where there are no labels (testing), to the last numbered scan. Scan files
-    are never counted: a scan that is missing (0001/177-180) is a frame without a scan. Rows of
-    labels, detections and results outside the frames of a seqmap (a half sequence) are left out.
+    A seqmap (`evaluate_tracking.seqmap[.training|.testing]` in data_root or data_root/subset)
+    defines its frames; without one they are 0 to the last labelled frame (the benchmark's 8008
+    frames), without labels (testing) 0 to the last numbered scan. Scan files are not counted: a
+    missing scan (0001/177-180) is a frame without a scan. Rows of labels, detections and results
+    outside the frames of a seqmap (a half sequence) are omitted.
 
     Args:
         data_root: folder that holds `training/` or `testing/`.
@@ -37,7 +37,7 @@ class KittiSequence:
         subset: "training" or "testing".
 
     Raises:
-        InputError: there is no such folder, nor labels, seqmap or scans of the sequence.
+        InputError: the folder, or labels, seqmap and scans of the sequence are missing.
     """
 
     def __init__(self, data_root: str | Path, seq: int, subset: str = "training"):
@@ -97,7 +97,7 @@ class KittiSequence:
 
     @property
     def num_frames(self) -> int:
-        """The number after the last frame's."""
+        """Number of the last frame, plus one."""
         return self.frames.stop
 
     @cached_property
@@ -136,7 +136,7 @@ class KittiSequence:
 
     @property
     def _limit(self) -> Limit:
-        """Frames that rows of other files than the labels may have."""
+        """Upper bound of the frame numbers in detections and results."""
         if self._seqmap_frames is None and self.subset == "training":
             return Limit(self.num_frames, f"where the labels {self.label_path} end")
         if self.subset == "testing":
@@ -217,5 +217,14 @@ class KittiSequence:
 def open_sequences(
     data_root: str | Path, seqs: Sequence[int], subset: str = "training"
 ) -> list[KittiSequence]:
-    """Opens several sequences; raises InputError at once if one is not there."""
+    """Opens several sequences; raises InputError if one is missing."""
     return [KittiSequence(data_root, seq, subset) for seq in seqs]
+
+
+def labelled_sequences(data_root: str | Path) -> list[int]:
+    """Numbers of all sequences of data_root/training that have a label file; InputError if none."""
+    folder = Path(data_root) / "training" / "label_02"
+    names = sorted(path.stem for path in folder.glob("[0-9][0-9][0-9][0-9].txt"))
+    if not names:
+        raise InputError("expected label files such as 0000.txt", folder)
+    return [int(name) for name in names]

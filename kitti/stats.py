@@ -7,16 +7,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from common import flags
-from common.errors import InputError
 from kitti.objects import CLASSES, VEHICLES, Objects
 from kitti.seqmap import parse_sequences
-from kitti.sequence import KittiSequence, open_sequences
+from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
 
 VEHICLE_NAME = "+".join(VEHICLES)
 LABELLED = tuple(name for name in CLASSES if name != "DontCare")
@@ -31,7 +29,7 @@ def count_objects(objects: Objects, classes: Sequence[str]) -> dict[str, int]:
 
 
 def count_sequence(sequence: KittiSequence) -> Counts:
-    """All counts of one sequence; `pairs` are adjacent frames, `scans` the scan files there."""
+    """All counts of one sequence; `pairs` are adjacent frames, `scans` the existing scan files."""
     names = [name for name in LABELLED if (sequence.objects.type == name).any()]
     classes = {name: count_objects(sequence.objects, (name,)) for name in names}
     return {
@@ -43,7 +41,7 @@ def count_sequence(sequence: KittiSequence) -> Counts:
 
 
 def add_up(parts: Iterable[Counts]) -> Counts:
-    """Sums over sequences; ids start afresh with each sequence, so trajectories just add."""
+    """Sums over sequences; ids are unique within a sequence, so trajectories add up."""
     parts = list(parts)
     total: Counts = {key: sum(part[key] for part in parts) for key in ("frames", "pairs", "scans")}
     classes: dict[str, dict[str, int]] = {}
@@ -58,19 +56,6 @@ def count_dataset(sequences: Iterable[KittiSequence]) -> Counts:
     """{"overall": counts, "sequences": {"0000": counts, ...}}."""
     each = {sequence.name: count_sequence(sequence) for sequence in sequences}
     return {"overall": add_up(each.values()), "sequences": each}
-
-
-def find_sequences(data_root: str | Path) -> list[int]:
-    """Numbers of the training sequences that have a label file.
-
-    Raises:
-        InputError: there is none.
-    """
-    folder = Path(data_root) / "training" / "label_02"
-    found = sorted(int(path.stem) for path in folder.glob("[0-9][0-9][0-9][0-9].txt"))
-    if not found:
-        raise InputError("expected label files 0000.txt, 0001.txt, ...", folder)
-    return found
 
 
 def table(counts: Counts) -> str:
@@ -93,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seqs", help="such as 0016-0020 or 0000,0003; all by default")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     args = parser.parse_args(argv)
-    seqs = parse_sequences(args.seqs) if args.seqs else find_sequences(args.data_root)
+    seqs = parse_sequences(args.seqs) if args.seqs else labelled_sequences(args.data_root)
     counts = count_dataset(open_sequences(args.data_root, seqs))
     print(json.dumps(counts, indent=2) if args.json else table(counts))
 

@@ -1,4 +1,4 @@
-"""Text tables: NumPy's parser for the whole file; a careful pass names the line if it objects."""
+"""Text tables: NumPy parses the whole file; on failure a second pass finds the faulty line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from common.files import read_bytes
 MAX_TEXT_BYTES = 2**28
 _GZIP = b"\x1f\x8b"
 _EXACT = 2.0**53  # from here on float64 does not hold every integer
-_TEXT = "<U16"  # longer than any of KITTI's names, so a longer word stays unknown when cut
+_TEXT = "<U16"  # longer than KITTI's names: a longer word is cut and stays unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,10 @@ class Table:
     """R rows of numbers, all of one width, perhaps with one column of text.
 
     Attributes:
-        path: the file they come from, for messages.
+        path: of the file, for messages.
         source: all lines of the file; those that are not blank are the rows.
         values: (R, width) float64, all finite; 0 in the column of text.
-        text: (R,) str, the column of text; empty strings if there is none.
+        text: (R,) str, the column of text; empty strings without one.
         separator: of the columns; None for white space.
     """
 
@@ -141,9 +141,9 @@ def read_table(
         text_column: the column that holds a word; all others hold finite numbers.
 
     Raises:
-        InputError: the file cannot be read, a row has another number of columns, a number is none
-            or not finite, or the last line has neither an end nor as many decimals as all others
-            (a file cut off).
+        InputError: the file cannot be read, a row has another number of columns, a value is not a
+            finite number, or the file is truncated: the last line has no end and fewer decimals
+            than all others.
     """
     source = read_lines(path)
     rows = [line for line in source if line and not line.isspace()]

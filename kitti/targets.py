@@ -11,13 +11,13 @@ from kitti.ground import GroundModel, ground_mask
 def foreground_labels(
     points: np.ndarray, boxes: np.ndarray, ground: np.ndarray | GroundModel | None = None
 ) -> np.ndarray:
-    """Index of the object that each point belongs to (section IV.A).
+    """Index of the object of each point (section IV.A).
 
     Args:
         points: (n, >= 3), level frame, metres.
         boxes: (M, 7) labelled boxes of the frame.
-        ground: (n,) bool, True for ground points, or a model to find them with; ground points
-            inside a box count as background. None: no ground is taken out.
+        ground: (n,) bool, True for ground points, or a model of the ground; ground points inside
+            a box count as background. None: no point is ground.
 
     Returns:
         (n,) int32: index of the (first) box, or -1 for background.

@@ -15,8 +15,8 @@ from kitti.labels import write_results
 from kitti.objects import Objects
 
 FIELDS = ("frame", "id", "class", "score", "x", "y", "z", "length", "width", "height", "heading")
-"""Of a row. The box is in the level frame (x ahead, y left, z up; see docs/DATA.md): its centre and
-size in metres, its heading in radians about z, from x to y."""
+"""Fields of a row. The box is in the level frame (x ahead, y left, z up; see docs/DATA.md): centre
+and size in metres, heading in radians about z, from x to y."""
 DECIMALS = 6
 
 
@@ -61,7 +61,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
     """Reads `kitti` or `kitti,csv,jsonl`.
 
     Raises:
-        InputError: an unknown format, or one named twice.
+        InputError: an unknown or repeated format.
     """
     names = tuple(part.strip() for part in text.split(","))
     if not set(names) <= set(WRITERS) or len(set(names)) < len(names):

@@ -1,7 +1,7 @@
 """Plain CLEAR MOT on 3-D boxes (Bernardin and Stiefelhagen, 2008), counted by motmetrics.
 
 No ignore rules: every ground-truth box is evaluated, every unmatched result is a false alarm,
-unless the caller names results that are none (`clear3d_dontcare`).
+except ignorable results in `clear3d_dontcare`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def clear3d(
         comparison: with 3-D IoU as similarity, both sides limited to the evaluated classes.
         keep: (S,) bool, the results to evaluate.
         min_iou: a pair below it is never matched.
-        ignorable: (S,) bool, results that are no false alarms where they are unmatched.
+        ignorable: (S,) bool, results that are not false alarms if unmatched.
 
     The sum for MOTP is over IoU; motmetrics sums the distances 1 - IoU.
     """

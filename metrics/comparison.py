@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 
 Similarity = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -46,9 +46,9 @@ class Comparison:
     def above(self, threshold: float | None, earlier_passes: int = 0) -> np.ndarray:
         """(S,) bool: rows whose track has a mean score of at least `threshold` (None: all).
 
-        AB3DMOT's evaluator replaces each score by its track's mean in every pass over the data,
-        so at the n-th pass it compares means of means. Rounding can put a track below the
-        threshold that is its own score; `earlier_passes` reproduces that, for equal counts.
+        AB3DMOT's evaluator replaces each score by its track's mean in every pass over the data:
+        the n-th pass compares means of means, and rounding can drop a track at the threshold that
+        is its own score. `earlier_passes` reproduces that, for equal counts.
         """
         if threshold is None:
             return np.ones(len(self.results), bool)

@@ -66,7 +66,7 @@ class Outcome:
 
 
 def total(counts: Iterable[Counts]) -> Counts:
-    """The sum of counts, so that ratios over several sequences are one division."""
+    """The sum of counts, for ratios over several sequences."""
     return sum(counts, Counts())
 
 

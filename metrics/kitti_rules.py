@@ -9,7 +9,7 @@ import numpy as np
 
 from common.errors import InputError
 from kitti.iou import EPS, covered
-from kitti.labels import Objects
+from kitti.objects import Objects
 from metrics.comparison import rows_by_frame
 
 
@@ -33,13 +33,13 @@ RULES_OF = {
     "Pedestrian": KittiRules("Pedestrian", ("Person", "Person_sitting")),
     "Cyclist": KittiRules("Cyclist", ()),
 }
-"""By evaluated class; the neighbours are classes that are easily taken for it."""
+"""By evaluated class; the neighbours are similar classes, which are ignored."""
 CLASSES_OF = {
     "kitti2d": ("Car", "Pedestrian"),
     "hota": ("Car", "Pedestrian"),
     "kitti3d": ("Car", "Pedestrian", "Cyclist"),
 }
-"""By protocol the classes that it evaluates: TrackEval's for KITTI, and AB3DMOT's."""
+"""Evaluated classes by protocol: TrackEval's for KITTI, and AB3DMOT's."""
 
 
 def rules_for(protocol: str, classes: Sequence[str]) -> KittiRules:

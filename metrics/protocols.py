@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from kitti.iou import iou_2d, iou_3d
-from kitti.labels import Objects
+from kitti.objects import Objects
 from metrics.clear3d import clear3d
 from metrics.comparison import Comparison, compare
 from metrics.counts import Outcome, total
@@ -27,7 +27,7 @@ from metrics.recall_sweep import sweep
 
 PROTOCOLS = ("clear3d", "clear3d_dontcare", "kitti2d", "kitti3d", "hota")
 CLEAR3D = ("clear3d", "clear3d_dontcare")
-"""They take all of `classes` and no other rule of KITTI's."""
+"""Protocols over all of `classes`, without further rules of KITTI."""
 BEST = "best"
 
 
@@ -167,8 +167,8 @@ def evaluate_protocol(
         classes: those that `clear3d` evaluates; of the KITTI protocols one class with neighbours,
             see `kitti_rules.rules_for`.
         min_iou: for `clear3d` and `kitti3d`; fixed in the 2-D protocol and in HOTA.
-        threshold: smallest mean score of a track; "best" for the one with the best overall MOTA
-            among the recall points; None keeps all.
+        threshold: least mean score of a track; "best" selects the recall point of the best overall
+            MOTA; None keeps all.
     """
     if name not in PROTOCOLS:
         raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")

@@ -1,7 +1,7 @@
 """Metrics over score thresholds: sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA.
 
 Source: Weng et al., "3D Multi-Object Tracking: A Baseline and New Evaluation Metrics", IROS 2020,
-equations 3 to 5, with the sampling of thresholds that the paper's evaluator publishes.
+equations 3 to 5, with the thresholds of the published evaluator.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def sweep(outcomes_at: OutcomesAt) -> Sweep:
         outcomes_at: the protocol's outcome of every sequence at a score threshold (None: of all
             results), given the number of passes before.
 
-    A recall that is not reached counts 0 in the means, which divide by `RECALL_POINTS`.
+    Unreached recall points count 0 in the means.
     """
     everything = outcomes_at(None, 0)
     counts = total(outcome.counts for outcome in everything)

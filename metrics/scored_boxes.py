@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 HIT, FALSE_ALARM, IGNORED = 1, 0, -1
+BINS = 10  # of the score, for `reliability`
 
 
 class ScoredBoxes(NamedTuple):
@@ -28,7 +29,7 @@ def outcomes_of(
     Args:
         iou: (V, K). scores: (K,).
         counted: (V,) bool; a match with another true box is ignored.
-        ignorable: (K,) bool, boxes that are no false alarm even if unmatched.
+        ignorable: (K,) bool, boxes that are not false alarms if unmatched.
         min_iou: least IoU of a match.
 
     Returns:
@@ -79,7 +80,7 @@ def best_threshold(groups: list[tuple[ScoredBoxes, int]]) -> float:
 
 
 def _last_of_equals(scores: np.ndarray) -> np.ndarray:
-    """(S,) bool: the last of equal scores, in falling order; a threshold takes all of them."""
+    """(S,) bool: the last of equal scores, which a threshold keeps or drops together."""
     return np.append(scores[1:] < scores[:-1], True)[: len(scores)]
 
 
@@ -91,12 +92,12 @@ class Reliability(NamedTuple):
     right: np.ndarray  # (bins,) share of boxes that are right
 
 
-def reliability(scores: np.ndarray, right: np.ndarray, bins: int = 10) -> Reliability:
+def reliability(scores: np.ndarray, right: np.ndarray) -> Reliability:
     """Scores (S,) in [0, 1] and whether each box is right (S,) bool -> equal bins of the score."""
-    index = np.minimum((scores * bins).astype(int), bins - 1)
-    count = np.bincount(index, minlength=bins)
+    index = np.minimum((scores * BINS).astype(int), BINS - 1)
+    count = np.bincount(index, minlength=BINS)
     with np.errstate(invalid="ignore"):
-        means = (np.bincount(index, x, bins) / count for x in (scores, right))
+        means = (np.bincount(index, x, BINS) / count for x in (scores, right))
         return Reliability(count, *means)
 
 

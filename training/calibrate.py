@@ -20,12 +20,11 @@ from common.files import write_json
 from common.flags import ArgumentParser, positive_int, run
 from common.provenance import provenance
 from kitti.seqmap import parse_sequences
-from kitti.sequence import KittiSequence, open_sequences
+from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
 from metrics.scored_boxes import best_threshold
 from models.boxes.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
-from training.sampling.data import labelled_sequences
 from training.scoring.box_candidates import CandidateFinder
 from training.scoring.score_fit import (
     RIGHT_IOU,
@@ -49,7 +48,7 @@ def make_parser() -> ArgumentParser:
             action="append",
             default=[],
             metavar="DIR",
-            help=f"{kind} labelled drives, none of them trained on; may be given several times",
+            help=f"{kind} labelled drives that are not trained on; repeatable",
         )
         add(f"--{kind}_seqs", metavar="SEQS", help=f"of every --{kind}_root (default: all)")
     add("--exam_root", metavar="DIR", help="drives that are measured and never fitted on")

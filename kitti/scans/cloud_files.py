@@ -19,8 +19,8 @@ def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
     """The content of a file as an array, plain (.npy) or structured, by its suffix.
 
     Raises:
-        InputError: the content is not of that format, cut off, or declares more than it holds, or
-            the reader's package is not installed.
+        InputError: another format, a truncated file, more points declared than stored, or the
+            reader's package is not installed.
     """
     try:
         return CLOUD_PARSERS[suffix](data)
@@ -29,7 +29,7 @@ def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
     except ImportError as error:  # a package may be missing from an installation
         needed = f"reading {suffix} needs the package {error.name}: pip install {error.name}"
         raise InputError(needed, path) from error
-    except Exception as error:  # the libraries raise whatever the damage leads to
+    except Exception as error:  # the libraries raise many types on damaged files
         reason = str(error) or type(error).__name__
         raise InputError(f"not a whole {suffix} file: {reason[:200]}", path) from error
 

@@ -20,10 +20,10 @@ _MAX_HEADER = 10_000  # bytes
 def parse_ply(data: bytes) -> np.ndarray:
     """The element `vertex` as a structured array (n,), fields in file order.
 
-    Elements before it may hold no lists; those after it (faces) are passed over.
+    Elements before it must not contain lists; those after it (faces) are ignored.
 
     Raises:
-        ValueError: not that format, cut off, or more vertices declared than there are bytes.
+        ValueError: another format, truncated, or more vertices declared than bytes.
     """
     header = _HEADER.match(data[:_MAX_HEADER])
     if header is None:

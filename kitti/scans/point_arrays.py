@@ -9,9 +9,9 @@ import numpy as np
 from common.errors import InputError
 
 MAX_RANGE = 1000.0
-"""Metres along an axis; a point beyond it is a fault of the scanner."""
+"""Metres along an axis; points beyond it are measurement errors."""
 _INTENSITY = ("intensity", "i", "reflectance", "reflectivity", "scalar_intensity", "remission")
-_TRANSPOSED = 12  # columns; more of them in 3 or 4 rows are points side by side
+_TRANSPOSED = 12  # columns; an array of 3 or 4 rows with more of them holds a point per column
 
 
 def as_points(array: Any) -> tuple[np.ndarray, int]:
@@ -22,11 +22,10 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
             fields x, y, z and perhaps intensity.
 
     A point without a return (NaN or infinity in x, y or z) and one beyond `MAX_RANGE` are dropped;
-    masked values count as NaN. The intensity, which nothing depends on, may be NaN.
+    masked values count as NaN. The intensity is not used and may be NaN.
 
     Raises:
-        InputError: another shape or type, or no finite point at all, or more than half beyond
-            `MAX_RANGE`.
+        InputError: another shape or type, no finite point, or more than half beyond `MAX_RANGE`.
     """
     try:
         array = np.asanyarray(array)
@@ -89,7 +88,7 @@ def sample_points(points: np.ndarray, n: int, rng: np.random.Generator) -> np.nd
     at random.
 
     Raises:
-        ValueError: there is no point to draw from.
+        ValueError: there are no points.
     """
     count = len(points)
     if count == 0 and n > 0:

@@ -68,7 +68,7 @@ def _cloud(array: np.ndarray, layout: ScanLayout, path: str | Path) -> np.ndarra
 def read_scan(path: str | Path) -> np.ndarray:
     """Reads a scan in KITTI's layout; (n, 4) float32 as `read_points`, which see for errors.
 
-    That points are dropped is noted once for each folder.
+    Notes dropped points once for each folder.
     """
     points, dropped = read_points(path)
     if dropped:

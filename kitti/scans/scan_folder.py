@@ -12,7 +12,7 @@ from common.notes import note
 from kitti.scans.scan_files import SUFFIXES
 
 MAX_FRAME_NUMBER = 10**6
-"""Larger numbers are times: they give an order, and no frame is missing between two of them."""
+"""Larger numbers are times: they define the order alone, without missing frames."""
 MAX_SPAN = 100_000
 """Most frames from the first scan to the last."""
 _NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
@@ -27,15 +27,14 @@ _TIMES = "names are times; they give the order, and gaps are not known"
 def find_scans(folder: str | Path) -> dict[int, Path]:
     """Frame number -> scan, ascending.
 
-    Names are numbers of any width (000007, 7, 0000000007), perhaps between a text that is the same
-    in all names (scan_7, 0016_7). They are the frame numbers, and a number that is left out is a
-    frame without a scan. Times (numbers from 10^6 on, two numbers such as seconds.nanoseconds, or
-    dates such as 2011-09-26_13-02-25) are put in order and numbered from 0. Hidden files are
-    passed over.
+    Names are frame numbers of any width (000007, 7, 0000000007), with an optional text that is the
+    same in all names (scan_7, 0016_7); a missing number is a frame without a scan. Times (numbers
+    from 10^6 on, two numbers such as seconds.nanoseconds, or dates such as 2011-09-26_13-02-25) are
+    sorted and numbered from 0. Hidden files are ignored.
 
     Raises:
-        InputError: there is no such folder or no scan in it; files of several formats; names that
-            are no numbers, or of several kinds or sequences, or the same number twice.
+        InputError: the folder is missing or has no scan; files of several formats; names without a
+            number, of several kinds or sequences, or with the same number.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -122,7 +121,7 @@ def _matches(paths: list[Path]) -> list[re.Match[str]]:
 
 
 def _is_label(begin: str) -> bool:
-    """True if a common beginning is no part of a time: text, or small numbers such as 0000_."""
+    """True if a common prefix is not part of a time: text, or small numbers such as 0000_."""
     if re.search(r"[^\d._-]", begin, re.ASCII):
         return True
     numbers = re.findall(r"\d+", begin, re.ASCII)
@@ -130,7 +129,7 @@ def _is_label(begin: str) -> bool:
 
 
 def _check_times(paths: list[Path], matches: list[re.Match[str]]) -> None:
-    """Refuses pairs of small numbers, which are no times, such as sequence_frame; notes times."""
+    """Refuses pairs of small numbers such as sequence_frame, which are not times; notes times."""
     numbers = [int(n) for match in matches for n in (match[1], match[3] or 0)]
     if matches[0][2] in ("_", "-") and max(numbers) < MAX_FRAME_NUMBER:
         names = f"{paths[0].name} to {paths[-1].name}"
@@ -147,7 +146,7 @@ def _key(match: re.Match[str]) -> tuple:
 
 
 def _check_fractions(paths: list[Path], matches: list[re.Match[str]]) -> None:
-    """Refuses seconds.nanoseconds without leading zeros, whose order is not that of decimals."""
+    """Refuses seconds.nanoseconds without leading zeros, which do not sort as decimals."""
     widths = [len(match[3] or "") for match in matches if match[2] == "."]
     if len(set(widths)) > 1 and max(widths) >= _NANOSECONDS:
         odd = paths[widths.index(min(widths))]

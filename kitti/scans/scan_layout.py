@@ -1,8 +1,8 @@
 """Layout of a raw `.bin` scan: columns and number format; detects a wrong layout by the content.
 
 A raw scan does not declare its layout. KITTI's is four little-endian float32: x, y, z in metres and
-an intensity. Other files give implausible numbers when they are read that way; the columns for
-which they are plausible are then searched for and named in the error.
+an intensity. Other files give implausible numbers in this layout; the error then names the layout
+in which they are plausible.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _MAX_INTENSITY = 65535.0
 _MOST = {"i": _MAX_INTENSITY, "ring": 255.0, "t": 2e9}
 _STRAY = 0.01  # share of implausible numbers that a right layout may hold
 _LOW = 1.0  # metres; less than the height of any scene, and as much as an intensity up to 1
-_FLAT = 0.6  # of a scene: its height's spread to that of its wider horizontal axis
+_FLAT = 0.6  # ratio of the spread of heights to that along the wider horizontal axis
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class ScanLayout:
     """Columns, number format and unit of a raw scan.
 
     Attributes:
-        columns: names in file order: x, y, z, i (intensity), others are passed over; "-y" turns the
-            axis round. None: by the file itself, for .bin KITTI's x, y, z, i.
+        columns: names in file order: x, y, z, i (intensity); others are ignored; "-y" negates the
+            axis. None: the file's own, for .bin KITTI's x, y, z, i.
         dtype: of the numbers in .bin, such as float64; None: float32.
         scale: metres per unit of length.
     """
@@ -90,8 +90,8 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     """The bytes of a `.bin` scan as (n, >= 3): x, y, z in metres, and an intensity if it has one.
 
     Raises:
-        InputError: the bytes are no whole number of points, or, where the layout is not given,
-            their numbers are not plausible in KITTI's.
+        InputError: not a whole number of points, or numbers that are implausible in KITTI's
+            layout, where none is given.
     """
     columns = layout.columns or KITTI_COLUMNS
     dtype = np.dtype(layout.dtype or np.float32)
@@ -134,7 +134,7 @@ def named_columns(numbers: np.ndarray, columns: tuple[str, ...], scale: float = 
 
 
 def _implausible(numbers: np.ndarray) -> str:
-    """The fault of (n, 4) numbers that are no x, y, z in metres and intensity; "" if plausible."""
+    """The fault of (n, 4) numbers as x, y, z in metres and intensity; "" if plausible."""
     xyz, intensity = numbers[:, :3], numbers[:, 3]
     padded = (xyz[:, 0] != 0) & (xyz[:, 1:] == 0).all(axis=1)
     if padded.sum() > 20 and padded.mean() > _STRAY:
@@ -162,7 +162,7 @@ def _implausible(numbers: np.ndarray) -> str:
 
 
 def _hint(data: bytes) -> str:
-    """The flags of the layout that the bytes are most plausible in: the one with most columns."""
+    """Flags of the plausible layout with most columns, for the error message."""
     found = []
     for dtype in _NAMES:
         for rank, columns in enumerate(_CANDIDATES):
@@ -180,7 +180,7 @@ def _hint(data: bytes) -> str:
 
 
 def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:
-    """Spread of z over that of x or y; infinity where the numbers are no plausible scan."""
+    """Spread of z over that of x or y; infinity for an implausible scan."""
     xyz = numbers[:, [columns.index(axis) for axis in "xyz"]]
     numbers, xyz = (part[np.isfinite(xyz).all(axis=1)] for part in (numbers, xyz))
     if not len(numbers):

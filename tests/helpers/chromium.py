@@ -32,7 +32,7 @@ def find() -> str | None:
 class Chromium:
     """One page of `width` x `height` pixels; a context manager.
 
-    `errors` holds what the page wrote to the console as an error and what it threw, `requests`
+    `errors` holds errors on the console of the page and uncaught exceptions, `requests`
     the addresses it requested.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from metrics.protocols import Entry
 
 CAR_SIZE = (4.0, 1.8, 1.5)

@@ -8,7 +8,8 @@ import numpy as np
 
 from kitti.boxes import camera_from_level, project_boxes
 from kitti.calibration import Calibration, write_calibration
-from kitti.labels import Objects, write_labels
+from kitti.labels import write_labels
+from kitti.objects import Objects
 from kitti.seqmap import write_seqmap
 
 FRAMES = {0: 12, 1: 5}

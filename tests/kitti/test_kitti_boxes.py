@@ -69,7 +69,7 @@ def test_level_to_camera_and_back(box):
 
 
 @pytest.mark.parametrize("ry", [3.141558, -3.141558, 3.141592, -3.141592, np.pi / 2, -np.pi / 2])
-def test_ry_near_the_wrap_comes_back_as_the_same_number(ry):
+def test_ry_near_the_wrap_survives_a_round_trip(ry):
     assert camera_from_level(level_from_camera(1, 1, 1, 0, 0, 0, ry))[6] == pytest.approx(ry)
 
 
@@ -163,7 +163,7 @@ def test_projection_is_clipped_to_the_image(calib):
     assert (x1, x2) == (0, 999)
 
 
-def test_projection_of_what_is_not_seen_is_nan(calib):
+def test_projection_outside_the_image_is_nan(calib):
     behind, beside = [-20.0, 0, -1, 4, 2, 2, 0], [5.0, 40, -1, 4, 2, 2, 0]
     seen = [20.0, 0, -1, 4, 2, 2, 0]
     projected = project_boxes(np.array([behind, beside, [np.nan] * 7, seen]), calib)

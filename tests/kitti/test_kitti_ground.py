@@ -127,7 +127,7 @@ def test_real_scans(kitti_root):
     off, flagged = np.concatenate(off), np.concatenate(flagged)
     assert abs(np.median(off)) < 0.08
     assert np.percentile(np.abs(off), 90) < 0.15
-    assert 0.35 < np.mean(rest) < 0.65  # about half of what a camera-cropped scan holds is road
+    assert 0.35 < np.mean(rest) < 0.65  # about half of a camera-cropped scan is road
     height, is_ground = flagged.T
     assert 0.02 < is_ground.mean() < 0.12  # of the points in boxes
     assert is_ground[height < 0.1].mean() > 0.9

@@ -10,13 +10,12 @@ from common.errors import InputError
 from kitti.boxes import wrap_angle
 from kitti.detections import read_detections
 from kitti.labels import (
-    VEHICLES,
-    Objects,
     read_labels,
     read_results,
     write_labels,
     write_results,
 )
+from kitti.objects import VEHICLES, Objects
 
 DETECTION = "{frame},2,100.0,120.0,200.0,180.0,{score},1.5,1.6,4.0,2.0,1.7,20.0,0.3,-1.5"
 
@@ -26,7 +25,7 @@ def _write(path, rows):
     return path
 
 
-def test_reads_what_is_there(tmp_path):
+def test_reads_all_columns(tmp_path):
     rows = [dont_care_row(0), label_row(0, 3), label_row(2, 3, "Van", z=30.0)]
     objects = read_labels(_write(tmp_path / "l.txt", rows))
     assert objects.frame.tolist() == [0, 0, 2]
@@ -277,7 +276,7 @@ def test_results_without_scores_or_3d_boxes(tmp_path):
         read_results(_write(tmp_path / "r.txt", [flat.replace("-1000", "-999")]))
 
 
-def test_writers_refuse_what_could_not_be_read_again(tmp_path):
+def test_writers_refuse_unreadable_values(tmp_path):
     box = np.array([[20.0, 0, 0, 4, 2, 1.5, 0]])
     with pytest.raises(ValueError, match="finite score"):
         write_results(tmp_path / "r.txt", Objects.from_boxes(0, 1, box))

@@ -167,7 +167,7 @@ def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
         assert KittiSequence(root, 0).poses is None
 
 
-def test_what_is_not_there(kitti_folder, tmp_path):
+def test_missing_files(kitti_folder, tmp_path):
     with pytest.raises(InputError, match="expected a folder training/"):
         KittiSequence(tmp_path / "nowhere", 0)
     root = kitti_folder(ROWS)

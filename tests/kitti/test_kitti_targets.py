@@ -16,7 +16,7 @@ def _moved(box, x=0.0, y=0.0, z=0.0):
     return box + np.array([x, y, z, 0, 0, 0, 0])
 
 
-def test_foreground_is_what_is_in_a_box_and_not_ground():
+def test_foreground_is_in_a_box_and_above_ground():
     boxes = np.stack([_moved(CAR, 30), CAR])
     assert foreground_labels(POINTS, boxes).tolist() == [1, 1, -1]
     assert foreground_labels(POINTS, boxes, ROAD).tolist() == [-1, 1, -1]

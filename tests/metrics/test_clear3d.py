@@ -9,7 +9,7 @@ from helpers.devkit_reference import iou
 from helpers.metric_cases import random_entry, rows
 
 from kitti.boxes import camera_from_level
-from kitti.labels import Objects
+from kitti.objects import Objects
 from metrics.clear3d import clear3d, row_errors
 from metrics.protocols import Clear3d, Entry, evaluate_protocol
 

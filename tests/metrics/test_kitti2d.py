@@ -11,7 +11,8 @@ import pytest
 from helpers.metric_cases import random_entry, rows
 
 from common.errors import InputError
-from kitti.labels import Objects, read_labels, read_results, write_labels, write_results
+from kitti.labels import read_labels, read_results, write_labels, write_results
+from kitti.objects import Objects
 from metrics.kitti_rules import boxes_in_dontcare
 from metrics.protocols import Entry, evaluate_protocol
 

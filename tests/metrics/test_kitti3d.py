@@ -6,7 +6,8 @@ from helpers.devkit_reference import evaluate, naive_sum, over_recall, read
 from helpers.metric_cases import random_entry, rows
 
 from kitti.iou import iou_3d
-from kitti.labels import Objects, read_labels, read_results, write_labels, write_results
+from kitti.labels import read_labels, read_results, write_labels, write_results
+from kitti.objects import Objects
 from metrics.comparison import compare
 from metrics.protocols import Entry, evaluate_protocol
 

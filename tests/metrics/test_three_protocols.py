@@ -64,10 +64,10 @@ def with_companion(entry):
 
     import numpy as np
 
-    from kitti.labels import Objects
+    from kitti.objects import Objects
 
     shift = np.array([0, 30, 0, 0, 0, 0, 0.0])
-    second = entry.truth.with_boxes(entry.truth.boxes + shift)
+    second = replace(entry.truth, boxes=entry.truth.boxes + shift)
     second = replace(second, track_id=np.full(len(second), 99), bbox=second.bbox + 300)
     truth = Objects.concatenate([entry.truth, second])
     found = replace(second, score=np.ones(len(second)))

@@ -1,4 +1,4 @@
-"""Data flags: sequences, shares, and what is held out."""
+"""Data flags: sequences, shares, held-out sequences."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def names(sequences: list[KittiSequence]) -> list[str]:
     return [sequence.name for sequence in sequences]
 
 
-def test_all_takes_what_is_labelled_and_not_held_out(roots):
+def test_all_means_labelled_and_not_held_out(roots):
     a, b = roots
     data = opened("--data_root", a, "--data_root", b, "--seqs", "all")
     assert names(data.training) == ["0000", "0001", "0003", "0007"]
@@ -78,7 +78,7 @@ def test_training_on_validation_sequences_is_refused(roots):
     assert names(same_number.training) == ["0000"]
 
 
-def test_shares_belong_to_the_root_before_them(roots):
+def test_a_share_applies_to_the_root_before_it(roots):
     a, b = roots
     seqs = ("--seqs", "0000-0001", "--seqs", "all")
     data = opened("--data_root", a, "--data_root", b, "--share", "0.3", *seqs)

@@ -10,7 +10,7 @@ from typing import Any
 
 from common.errors import InputError
 from kitti.seqmap import parse_sequences
-from kitti.sequence import KittiSequence, open_sequences
+from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
 
 ALL = "all"
 HELD_OUT = "0011"
@@ -35,7 +35,7 @@ class Pool:
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Sequences to train and validate on, and how often each training pool is drawn from."""
+    """Training and validation sequences, and the share of each training pool."""
 
     training: list[KittiSequence]
     validation: list[KittiSequence]
@@ -61,7 +61,7 @@ def _name(sequence: Sequence) -> str:
 
 
 class _ShareOfRoot(argparse.Action):
-    """--share belongs to the --data_root before it; kept as {number of the root: share}."""
+    """--share of the --data_root before it, stored as {number of the root: share}."""
 
     def __call__(self, parser, namespace, values, option_string=None):
         root = len(namespace.data_root or []) - 1
@@ -88,7 +88,7 @@ def add_data_flags(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="DIR",
-        help="data in KITTI's tracking layout; may be given several times",
+        help="data in KITTI's tracking layout; repeatable",
     )
     add(
         "--seqs",
@@ -110,7 +110,7 @@ def add_data_flags(parser: argparse.ArgumentParser) -> None:
         "--val_data_root",
         action="append",
         metavar="DIR",
-        help="validation data; may be given several times (default: the first --data_root)",
+        help="validation data; repeatable (default: the first --data_root)",
     )
     add(
         "--val_seqs",
@@ -154,7 +154,7 @@ def _numbers(
     root_flag: str,
     held_out: frozenset[tuple[Path, int]] | set[tuple[Path, int]] = frozenset(),
 ) -> list[tuple[str, list[int]]]:
-    """(root, sequence numbers) of each root; `held_out` is what "all" leaves out."""
+    """(root, sequence numbers) of each root; "all" omits `held_out`."""
     if len(seqs) == 1:
         seqs = list(seqs) * len(roots)
     if len(seqs) != len(roots):
@@ -170,15 +170,6 @@ def _numbers(
         )
         for root, text in zip(roots, seqs, strict=True)
     ]
-
-
-def labelled_sequences(data_root: str | Path) -> list[int]:
-    """Numbers of all sequences of data_root/training that have a label file; InputError if none."""
-    folder = Path(data_root) / "training" / "label_02"
-    names = sorted(path.stem for path in folder.glob("[0-9][0-9][0-9][0-9].txt"))
-    if not names:
-        raise InputError("expected label files such as 0000.txt", folder)
-    return [int(name) for name in names]
 
 
 def _pools(counts: Sequence[int], shares: dict[int, float]) -> list[Pool]:
