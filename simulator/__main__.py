@@ -15,11 +15,14 @@ from simulator.dataset import make_dataset
 from simulator.plan import Plan
 from simulator.sensor_model.frames import Options
 
-OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # numbering as KITTI's split here
+OWN_SEQUENCES = {
+    "train": range(16),
+    "val": range(16, 21),
+}  # numbers of the sequences, as in KITTI's split
 
 
 def van_share(text: str) -> float:
-    """A share in [0, 0.9], which leaves room for cars and trucks."""
+    """argparse type: a share in [0, 0.9]; the rest are cars and trucks."""
     value = finite_float(text)
     if not 0 <= value <= 0.9:
         raise argparse.ArgumentTypeError(f"expected a share from 0 to 0.9, found {text!r}")
@@ -29,27 +32,18 @@ def van_share(text: str) -> float:
 def parser() -> ArgumentParser:
     """The flags."""
     result = ArgumentParser(prog="python -m simulator", description=__doc__)
-    result.add_argument("--out", type=Path, required=True, help="output folder; reused if complete")
-    result.add_argument(
-        "--split",
-        choices=["train", "val"],
-        help="own traffic: split",
-    )
-    result.add_argument("--sequences", type=positive_int, help="own traffic: number of sequences")
-    result.add_argument("--frames", type=positive_int, help="frames per sequence")
-    result.add_argument(
-        "--van_share",
-        type=van_share,
-        help="own traffic: share of vans, see VehicleMix",
-    )
-    result.add_argument("--from_labels", type=Path, help="KITTI folder with labels to replay")
-    result.add_argument("--seqs", help="sequences to replay, e.g. 0016-0020 or 0000,0003")
-    result.add_argument("--seed", type=non_negative_int, default=0, help="random seed")
-    result.add_argument("--full", action="store_true", help="360 degrees, not the camera's view")
-    result.add_argument(
-        "--motion_distortion", action="store_true", help="keep motion during a sweep in the scans"
-    )
-    result.add_argument("--processes", type=positive_int, help="processes, by default one per core")
+    add = result.add_argument
+    add("--out", type=Path, required=True, help="output folder; reused if complete")
+    add("--split", choices=["train", "val"], help="own traffic: split")
+    add("--sequences", type=positive_int, help="own traffic: number of sequences")
+    add("--frames", type=positive_int, help="frames per sequence")
+    add("--van_share", type=van_share, help="own traffic: share of vans, see VehicleMix")
+    add("--from_labels", type=Path, help="KITTI folder with labels to replay")
+    add("--seqs", help="sequences to replay, e.g. 0016-0020 or 0000,0003")
+    add("--seed", type=non_negative_int, default=0, help="random seed")
+    add("--full", action="store_true", help="360 degrees, not the camera's view")
+    add("--motion_distortion", action="store_true", help="keep motion during a sweep in the scans")
+    add("--processes", type=positive_int, help="processes, by default one per core")
     return result
 
 

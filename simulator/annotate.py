@@ -30,17 +30,17 @@ class LabelRules:
     smallest: float = 10.0  # pixels of height; lower ones are DontCare
     truncated_partly: float = 0.05  # truncation 1 above this share of the 2-D box's area
     truncated_largely: float = 0.50
-    noticed: float = 4.0  # pixels; smaller boxes are not labelled at all
-    outside: float = 0.97  # not labelled at all if a larger share is outside the image
+    noticed: float = 4.0  # pixels; smaller boxes are not labelled
+    outside: float = 0.97  # objects with a larger share outside the image are not labelled
 
 
 RULES = LabelRules()
 
 
-def occlusion_state(seen, rays, rules: LabelRules = RULES) -> np.ndarray:
-    """(M,) 0, 1 or 2 from rays that meet an object first and rays that would meet it alone."""
+def occlusion_state(seen, rays) -> np.ndarray:
+    """(M,) 0, 1 or 2 from `seen` and `rays` as in `Sweep`."""
     share = np.asarray(seen) / np.maximum(rays, 1)
-    return np.where(share < rules.largely, 2, np.where(share < rules.partly, 1, 0))
+    return np.where(share < RULES.largely, 2, np.where(share < RULES.partly, 1, 0))
 
 
 def truncation_share(boxes, calib: Calibration, image_size) -> np.ndarray:
@@ -56,15 +56,7 @@ def truncation_share(boxes, calib: Calibration, image_size) -> np.ndarray:
 
 
 def label_frame(
-    frame: int,
-    boxes,
-    kinds,
-    track_ids,
-    rays,
-    seen,
-    calib: Calibration,
-    image_size,
-    rules: LabelRules = RULES,
+    frame: int, boxes, kinds, track_ids, rays, seen, calib: Calibration, image_size
 ) -> Objects:
     """Label rows of one frame.
 
@@ -74,15 +66,17 @@ def label_frame(
     bbox = project_boxes(boxes, calib, image_size)
     outside = truncation_share(boxes, calib, image_size)
     tall = np.nan_to_num(bbox[:, 3] - bbox[:, 1])
-    noticed = np.isfinite(bbox).all(axis=1) & (tall > rules.noticed) & (outside < rules.outside)
+    noticed = np.isfinite(bbox).all(axis=1) & (tall > RULES.noticed) & (outside < RULES.outside)
     share = np.asarray(seen) / np.maximum(rays, 1)
-    cared = (np.hypot(boxes[:, 0], boxes[:, 1]) < rules.farthest) & (share > rules.hidden)
-    cared &= (tall >= rules.smallest) & noticed
-    noticed &= (np.asarray(seen) > 0) | (np.asarray(rays) == 0)  # not if no ray meets it
+    cared = (np.hypot(boxes[:, 0], boxes[:, 1]) < RULES.farthest) & (share > RULES.hidden)
+    cared &= (tall >= RULES.smallest) & noticed
+    noticed &= (np.asarray(seen) > 0) | (
+        np.asarray(rays) == 0
+    )  # an object that no ray meets is not labelled
     ignored = np.flatnonzero(noticed & ~cared)
     order = np.concatenate([ignored, np.flatnonzero(cared)])
     is_ignored = np.arange(len(order)) < len(ignored)
-    truncation = np.digitize(outside, [rules.truncated_partly, rules.truncated_largely])
+    truncation = np.digitize(outside, [RULES.truncated_partly, RULES.truncated_largely])
     shown = boxes[order].copy()
     shown[is_ignored] = np.nan
     alpha = observation_angle(boxes)[order]
@@ -91,7 +85,7 @@ def label_frame(
         track_id=np.where(is_ignored, -1, np.asarray(track_ids, int)[order]),
         type=np.where(is_ignored, "DontCare", np.asarray(kinds, "<U16")[order]),
         truncation=np.where(is_ignored, -1, truncation[order]),
-        occlusion=np.where(is_ignored, -1, occlusion_state(seen, rays, rules)[order]),
+        occlusion=np.where(is_ignored, -1, occlusion_state(seen, rays)[order]),
         alpha=np.where(is_ignored, -10.0, alpha),
         bbox=bbox[order],
         boxes=shown,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-IMAGE_SIZE = (1242, 375)  # left colour camera of KITTI's tracking benchmark, pixels
-
 
 @dataclass(frozen=True)
 class SensorConfig:

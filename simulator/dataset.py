@@ -1,4 +1,4 @@
-"""Data sets on disk: made, completed after an interruption, or reused if complete."""
+"""Makes data sets on disk; completes interrupted ones and reuses complete ones."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from simulator.plan import Plan, label_path, part_path, scan_path
 from simulator.pool import run_jobs
 
 MANIFEST = "manifest.json"
-STRETCH = 200  # most frames per job; each process builds the worlds of its jobs
+STRETCH = 200  # most frames of a job; each process builds the worlds of its jobs
 
 
 def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> bool:
-    """Makes or completes the data set in `root`; False if it is complete already.
+    """Makes or completes the data set in `root`; returns False if it was complete.
 
     Raises:
-        InputError: `root` holds anything other than this data set, complete or begun.
+        InputError: `root` contains anything other than this data set, complete or partial.
     """
     root = Path(root)
     manifest = json.loads(json.dumps(plan.manifest()))

@@ -14,6 +14,7 @@ BANDS = ((0, 15), (15, 30), (30, 50))  # metres
 ENOUGH = 10  # points a box needs in the real scan
 ABOVE_GROUND = 0.15  # metres above a box's bottom; lower points belong to the ground
 HEIGHTS = np.linspace(-0.5, 4.0, 46)  # metres above the ground
+BEAM_GAP = 0.2  # degrees; beams are a third of a degree apart or more, noise is far below
 RANGES = np.linspace(0.0, 80.0, 41)  # metres
 
 
@@ -33,16 +34,13 @@ class FrameCounts:
     vehicle_beams: np.ndarray
 
 
-def count_beams(points_velo, elevation_step_deg: float = 0.2) -> int:
-    """Number of beams among points (n, >= 3) of the velodyne frame, from gaps in elevation.
-
-    Beams are a third of a degree apart or more; noise within one is far below the step.
-    """
+def count_beams(points_velo) -> int:
+    """Number of beams among points (n, >= 3) of the velodyne frame, from gaps in elevation."""
     if not len(points_velo):
         return 0
     flat = np.hypot(points_velo[:, 0], points_velo[:, 1])
     elevation = np.sort(np.degrees(np.arctan2(points_velo[:, 2] - 0.2, flat)))
-    return 1 + int((np.diff(elevation) > elevation_step_deg).sum())
+    return 1 + int((np.diff(elevation) > BEAM_GAP).sum())
 
 
 def compare_frame(real, simulated, boxes, calib) -> FrameCounts:

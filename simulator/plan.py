@@ -17,7 +17,7 @@ from simulator.sensor_model.scan import Scene, Sweep
 
 
 class World(Protocol):
-    """The world of one sequence, from which its frames are made; cached by each process."""
+    """The world of one sequence, the source of its frames; cached by each process."""
 
     calib: Calibration
     image_size: tuple[int, int]

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simulator.config import RETURNS
+
 FAR = np.float32(1e9)
 FEW = 1500  # rays times parts below which culling is slower than none
 
@@ -64,7 +66,7 @@ def intersect(planes, origin, direction):
 
 
 def intersect_body(body: Body, origin, direction):
-    """`intersect` over all parts of `body`, with the rays near each part alone."""
+    """`intersect` over all parts of `body`, for each part with the rays near it."""
     rays, parts = len(origin), len(body.planes)
     if rays * parts < FEW:
         return intersect(body.planes, origin, direction)
@@ -106,11 +108,11 @@ class BodyHits:
     cosine: np.ndarray
 
 
-def cast_body(body: Body, origin, direction, rng, returns) -> BodyHits:
+def cast_body(body: Body, origin, direction, rng) -> BodyHits:
     """Rays (R, 3) in the body's frame against its parts, window panes included.
 
-    `returns` is a `ReturnConfig`. A ray that meets a pane returns from it, is lost, or continues to
-    the seats, and leaves on the other side where it misses them.
+    A ray that meets a pane is returned, lost, or continues to the seats; it passes through the body
+    where it misses them.
     """
     distance, face = intersect_body(body, origin, direction)
     distance = np.where(_holes(body, len(origin), rng), FAR, distance)
@@ -133,10 +135,10 @@ def cast_body(body: Body, origin, direction, rng, returns) -> BodyHits:
         inner = np.where(body.interior[None], distance[index], FAR)
         seat = inner.argmin(axis=1)
         depth = inner[np.arange(len(index)), seat]
-        seen = (depth < FAR) & (draw > returns.glass_surface + returns.glass_absorbed)
-        gone = (depth >= FAR) & (draw > returns.glass_surface + returns.glass_absorbed)
-        lost = (draw > returns.glass_surface) & ~seen & ~gone
-        kept = rng.random(len(index)) < returns.interior_return
+        seen = (depth < FAR) & (draw > RETURNS.glass_surface + RETURNS.glass_absorbed)
+        gone = (depth >= FAR) & (draw > RETURNS.glass_surface + RETURNS.glass_absorbed)
+        lost = (draw > RETURNS.glass_surface) & ~seen & ~gone
+        kept = rng.random(len(index)) < RETURNS.interior_return
         reflectivity[index] = np.where(lost | (seen & ~kept), 0, reflectivity[index])
         result[index[seen]] = depth[seen]
         result[index[gone]] = FAR

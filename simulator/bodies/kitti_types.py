@@ -24,7 +24,7 @@ BUILDERS = {
 def make_body(kind: str, size, seed: tuple[int, ...]) -> Body:
     """The body of a KITTI type (`Car`, `Van`, ...) for `size` (l, w, h) metres.
 
-    The same seed gives the same body; unknown types are blocks on wheels (as `Misc`).
+    Deterministic in the seed; unknown types are blocks on wheels (as `Misc`).
     """
     builder = BUILDERS.get(kind, vehicles.misc)
     return builder(size, np.random.default_rng(seed))

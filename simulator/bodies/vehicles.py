@@ -1,4 +1,4 @@
-"""Bodies of vehicles: hatchback, saloon, estate, SUV, van, truck, tram, scaled to a label's box.
+"""Bodies of vehicles: hatchback, saloon, estate, SUV, van, truck, tram, scaled to a labelled box.
 
 Box frame: x forward, y left, z up, origin at the centre. Bodies leave the median slack of the
 vehicles of sequence 0000 in their boxes: 2 cm along, 5 cm at a side, 8 cm on top.

@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.world.roads import Route
 
-AHEAD = 46.0  # metres that a driver looks ahead
+AHEAD = 46.0  # metres of the future path that a driver considers
 SPACING = 2.0
 
 
@@ -30,7 +30,7 @@ class Agent:
     """One road user.
 
     s: arc length of its centre on the route; shift: metres to the left of the route; with rates.
-    state: "drive", "parked" (pulls out at `start`) or "fixed" (stays; `pose` x, y, yaw).
+    state: "drive", "parked" (pulls out at `start`) or "fixed" (stationary at `pose`: x, y, yaw).
     """
 
     kind: str
@@ -87,12 +87,11 @@ def discs(places, sizes) -> tuple[np.ndarray, np.ndarray]:
     return centers, np.maximum(sizes[:, 1] / 2, sizes[:, 0] / 8)
 
 
-def look_ahead(agent: Agent, target: float | None = None, back: float = 0.0) -> np.ndarray:
-    """Points (M, 2) on the agent's future path, from `back` metres behind it on."""
-    reach = np.arange(-back, AHEAD, SPACING)
-    target = agent.target if target is None else target
-    change = np.minimum(np.maximum(reach / max(2.5 * agent.speed, 8.0), 0), 1)
-    return agent.route.at(agent.s + reach, agent.shift + (target - agent.shift) * change)
+def look_ahead(agent: Agent) -> np.ndarray:
+    """Points (M, 2) on the agent's future path."""
+    reach = np.arange(0, AHEAD, SPACING)
+    change = np.minimum(reach / max(2.5 * agent.speed, 8.0), 1)
+    return agent.route.at(agent.s + reach, agent.shift + (agent.target - agent.shift) * change)
 
 
 def advance(agent: Agent, acceleration: float, dt: float) -> None:

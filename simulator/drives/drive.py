@@ -1,4 +1,4 @@
-"""Own traffic as a world of scenes: the traffic is simulated once and every frame kept."""
+"""Own traffic as a world of scenes: the traffic is simulated once, all frames are stored."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from kitti.boxes import transform_boxes
+from kitti.boxes import IMAGE_SIZE, transform_boxes
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, write_calibration
 from kitti.objects import Objects
 from simulator.annotate import label_frame
 from simulator.bodies.convex import Body
 from simulator.bodies.kitti_types import make_body
-from simulator.config import IMAGE_SIZE, SENSOR, VehicleMix
+from simulator.config import SENSOR, VehicleMix
 from simulator.drives.motion_files import write_oxts, write_poses
 from simulator.drives.town import START, Town, footprint_ground, make_town, populate
 from simulator.drives.traffic import Traffic
 from simulator.sensor_model.scan import Scene, Sweep
 from simulator.world.terrain import Terrain
 
-WARM_UP = 12.0  # seconds before the first frame, so that traffic has settled
+WARM_UP = 12.0  # seconds of traffic before the first frame
 NEAR = 130.0  # metres within which objects are kept
 
 
@@ -66,14 +66,14 @@ class DriveWorld:
         return label_frame(frame, *args, self.calib, self.image_size)
 
     def write_texts(self, root: Path, name: str, frames: int) -> None:
-        """Writes calibration, oxts and poses; labels come with the frames."""
+        """Writes calibration, oxts and poses; labels are written with the frames."""
         write_calibration(root / "calib" / f"{name}.txt", self.calib)
         write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], SENSOR.period_s)
         write_poses(root.parent / "poses" / f"{name}.txt", self.poses[:frames])
 
 
 def drive(frames: int, rng, mix: VehicleMix | None = None) -> DriveWorld:
-    """Builds a town, simulates `frames` frames of traffic and keeps the objects near the car."""
+    """Builds a town, simulates `frames` frames of traffic and stores the objects near the car."""
     town = make_town(START + 2 * 110 + 14.0 * (frames * SENSOR.period_s + WARM_UP), rng)
     agents = populate(town, frames, rng, mix or VehicleMix())
     offsets = rng.uniform(0, Traffic.CYCLE, len(town.network.sides))

@@ -26,8 +26,8 @@ def write_poses(path: str | Path, poses) -> None:
     write_text(path, "".join(" ".join(f"{v:.9f}" for v in row) + "\n" for row in rows))
 
 
-def oxts_lines(poses, period_s: float) -> list[str]:
-    """Lines of KITTI's GPS/IMU for poses (F, 4, 4) of the level frame in a world with x east.
+def write_oxts(path: str | Path, poses, period_s: float) -> None:
+    """Writes KITTI's GPS/IMU file for poses (F, 4, 4) of the level frame in a world with x east.
 
     Columns of the devkit: lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz
     wf wl wu pos_accuracy vel_accuracy navstat numsats posmode velmode orimode.
@@ -48,13 +48,9 @@ def oxts_lines(poses, period_s: float) -> list[str]:
         [latitude, longitude, place[:, 2], roll, pitch, (yaw + np.pi) % (2 * np.pi) - np.pi,
          velocity[:, 1], velocity[:, 0], own, own_acceleration, own_acceleration, rates, rates]
     )  # fmt: skip
-    return [" ".join(f"{value:.12g}" for value in row) + " 0.05 0.02 4 9 4 4 0" for row in columns]
+    rows = (" ".join(f"{value:.12g}" for value in row) for row in columns)
+    write_text(path, "".join(row + " 0.05 0.02 4 9 4 4 0\n" for row in rows))
 
 
 def _rate(values, period_s: float) -> np.ndarray:
     return np.gradient(values, period_s, axis=0) if len(values) > 1 else np.zeros_like(values)
-
-
-def write_oxts(path: str | Path, poses, period_s: float) -> None:
-    """Writes the file of one sequence; see `oxts_lines`."""
-    write_text(path, "\n".join(oxts_lines(poses, period_s)) + "\n")

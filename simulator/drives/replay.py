@@ -7,35 +7,72 @@ an object labelled as visible.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from common.files import write_bytes
 from kitti.boxes import transform_boxes
+from kitti.calibration import Calibration
 from kitti.objects import Objects
 from kitti.sequence import KittiSequence
 from simulator.bodies.convex import Body
 from simulator.bodies.kitti_types import make_body
 from simulator.config import SENSOR
-from simulator.sensor_model.scan import Scene
+from simulator.drives.motion_files import write_oxts
+from simulator.sensor_model.scan import Scene, Sweep
 from simulator.world.grid import Grid, rectangle_points
-from simulator.world.roadside import SETTINGS, Setting, Site, furnish
+from simulator.world.roads import even
+from simulator.world.roadside import SETTINGS, Site, furnish
 from simulator.world.static import StaticWorld
 from simulator.world.terrain import Terrain
 
 MARGIN = 100.0  # metres of world around the car's path
 PLAUSIBLE_SPEED = 8.0  # m/s, without poses
+EXTENSION = 110  # metres of road before and behind the car's path
 FRAME_STEP = 2  # every second frame's lines of sight are kept free
 
 
 @dataclass(frozen=True)
 class Replay:
-    """A labelled sequence as a world: poses (F, 4, 4), objects with boxes, bodies by track."""
+    """A `simulator.plan.World` of a labelled sequence; its text files are the source's.
 
+    poses (F, 4, 4) of the level frame; objects with boxes; bodies by track.
+    """
+
+    sequence: KittiSequence
     poses: np.ndarray
     objects: Objects
     bodies: dict[int, Body]
     static: StaticWorld
     terrain: Terrain
+
+    @property
+    def calib(self) -> Calibration:
+        """The source's calibration."""
+        return self.sequence.calib
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """The source's image size."""
+        return self.sequence.image_size
+
+    def labels(self, frame: int, sweep: Sweep) -> None:
+        """None: `write_texts` copies the source's labels."""
+
+    def write_texts(self, root: Path, name: str, frames: int) -> None:
+        """Copies the source's files, labels and poses of the first `frames` alone; writes oxts."""
+        source = self.sequence
+        labels = source.label_path.read_bytes().splitlines(keepends=True)
+        labels = [line for line in labels if line.strip() and int(line.split()[0]) < frames]
+        write_bytes(root / "label_02" / f"{name}.txt", b"".join(labels))
+        calib = (source.folder / "calib" / f"{name}.txt").read_bytes()
+        write_bytes(root / "calib" / f"{name}.txt", calib)
+        poses = source.data_root / "poses" / f"{name}.txt"
+        if poses.is_file():
+            lines = poses.read_bytes().splitlines(keepends=True)[:frames]
+            write_bytes(root.parent / "poses" / f"{name}.txt", b"".join(lines))
+        write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], SENSOR.period_s)
 
     def scene(self, frame: int, motion: bool = False) -> Scene:
         """The scene of `frame`; with `motion`, objects move during the sweep."""
@@ -72,8 +109,8 @@ def ego_poses(sequence: KittiSequence) -> np.ndarray:
     return poses
 
 
-def replay(sequence: KittiSequence, rng, setting: Setting | None = None) -> Replay:
-    """Builds the world of a labelled sequence; all randomness comes from `rng`."""
+def replay(sequence: KittiSequence, rng) -> Replay:
+    """Builds the world of a labelled sequence; `rng` is the only source of randomness."""
     poses = ego_poses(sequence)
     objects = sequence.objects
     objects = objects[np.isfinite(objects.boxes).all(axis=1) & (objects.type != "DontCare")]
@@ -87,7 +124,7 @@ def replay(sequence: KittiSequence, rng, setting: Setting | None = None) -> Repl
     for frame in np.unique(objects.frame):
         rows = objects.frame == frame
         world_boxes[rows] = transform_boxes(objects.boxes[rows], poses[frame])
-    setting = setting or SETTINGS[str(rng.choice(list(SETTINGS)))]
+    setting = SETTINGS[str(rng.choice(list(SETTINGS)))]
     path = road_path(poses, rng)
     low, high = path.min(axis=0) - MARGIN, path.max(axis=0) + MARGIN
     terrain = _terrain(poses, objects, world_boxes, low, high)
@@ -97,10 +134,10 @@ def replay(sequence: KittiSequence, rng, setting: Setting | None = None) -> Repl
     _keep_free(taken, poses, path, objects, world_boxes)
     site = Site(StaticWorld(), terrain, taken)
     furnish(site, path, kerb, setting, rng)
-    return Replay(poses, objects, bodies, site.world, terrain)
+    return Replay(sequence, poses, objects, bodies, site.world, terrain)
 
 
-def road_path(poses, rng, extension: float = 110.0) -> np.ndarray:
+def road_path(poses, rng) -> np.ndarray:
     """The car's path (n, 2), a point per metre, extended at both ends by a bending road."""
     track = poses[:, :2, 3]
     moved = [track[0]]
@@ -108,22 +145,19 @@ def road_path(poses, rng, extension: float = 110.0) -> np.ndarray:
         if np.hypot(*(point - moved[-1])) > 1.0:
             moved.append(point)
     ahead, start = _yaw(poses[-1]), _yaw(poses[0])
-    front = _bend(moved[-1], ahead, extension, rng)
-    back = _bend(moved[0], start + np.pi, extension, rng)[::-1]
-    line = np.vstack([back, np.array(moved), front])
-    length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    even = np.arange(0, length[-1], 1.0)
-    return np.column_stack([np.interp(even, length, line[:, axis]) for axis in (0, 1)])
+    front = _bend(moved[-1], ahead, rng)
+    back = _bend(moved[0], start + np.pi, rng)[::-1]
+    return even(np.vstack([back, np.array(moved), front]))
 
 
 def _yaw(pose) -> float:
     return float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
-def _bend(start, yaw: float, length: float, rng) -> np.ndarray:
+def _bend(start, yaw: float, rng) -> np.ndarray:
     curvature = rng.uniform(-1, 1) * 0.012
-    steps = np.arange(1, int(length) + 1)
-    # straight at first: the objects of the last frames are ahead
+    steps = np.arange(1, EXTENSION + 1)
+    # straight at first, where the objects of the last frames are
     angle = yaw + curvature * np.maximum(steps - 40, 0)
     return start + np.cumsum(np.column_stack([np.cos(angle), np.sin(angle)]), axis=0)
 

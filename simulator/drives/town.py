@@ -1,4 +1,4 @@
-"""A town for own traffic: roads, ground, roadside, and the road users at the beginning."""
+"""A town for own traffic: roads, ground, roadside, and the initial road users."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _mark_roads(terrain: Terrain, network: Network, kerbs) -> None:
 
 
 def populate(town: Town, frames: int, rng, mix: VehicleMix) -> list[Agent]:
-    """Road users at the beginning; the first is the car with the sensor."""
+    """The initial road users; the first is the car with the sensor."""
     network = town.network
     agents = [_ego(network, rng)]
     spots = Spots()
@@ -104,7 +104,7 @@ def populate(town: Town, frames: int, rng, mix: VehicleMix) -> list[Agent]:
 
 
 class Spots:
-    """Occupied places; prevents initial overlaps."""
+    """Occupied places of the initial road users, which must not overlap."""
 
     def __init__(self):
         self.discs = np.zeros((0, 3))

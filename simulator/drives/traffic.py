@@ -1,4 +1,4 @@
-"""Traffic in steps of a tenth of a second: following, signals, giving way, overtaking, pulling out.
+"""Traffic in steps of 0.1 s: car following, signals, priority, overtaking, pulling out.
 
 Accelerations depend on geometry, not lanes: the road user ahead is the first whose footprint covers
 the future path. Merging, crossing, parked cars, cyclists and pedestrians need no separate rules.
@@ -75,7 +75,7 @@ class Traffic:
         self._move(index, agent, acceleration)
 
     def _move(self, index: int, agent: Agent, acceleration: float) -> None:
-        """Moves one agent unless it would collide with another."""
+        """Moves one agent unless it would collide with another one."""
         kept = (agent.s, agent.shift, agent.shift_rate)
         centers = self._centers[index].copy()
         advance(agent, acceleration, self.dt)

@@ -33,7 +33,7 @@ def take_sweep(
     seed: tuple[int, ...],
     ego_velocity=(0.0, 0.0, 0.0),
 ) -> Sweep:
-    """The sweep of one frame; its randomness depends on `seed` alone.
+    """The sweep of one frame, deterministic in `seed`.
 
     ego_velocity: (vx, vy, yaw rate) of the car in its own frame; used with motion_distortion.
     """

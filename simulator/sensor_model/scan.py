@@ -14,7 +14,7 @@ from simulator.world.static import StaticWorld, cast_static, make_columns
 from simulator.world.terrain import Terrain
 
 GROUND_REFLECTIVITY = 0.15
-PANE_RETURN = 0.35  # share of rays on a house's window that come back (frame, curtain)
+PANE_RETURN = 0.35  # share of rays on a house's window that return (frame, curtain)
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Scene:
 @dataclass(frozen=True)
 class Sweep:
     """points (n, 4) f32 x, y, z, intensity in the velodyne frame; owner (n,) int32: row of
-    `Scene.boxes`, -1 static world, -2 ground; rays, seen (M,): numbers of rays that would
-    meet each object if it were alone, and of those that meet it first."""
+    `Scene.boxes`, -1 static world, -2 ground; rays, seen (M,): numbers of rays that meet
+    each object without and with occlusion by others."""
 
     points: np.ndarray
     owner: np.ndarray
@@ -45,8 +45,8 @@ class Sweep:
     seen: np.ndarray
 
 
-def sweep(scene: Scene, rays: Rays, rng, sensor=SENSOR, returns=RETURNS) -> Sweep:
-    """Simulates one sweep; all randomness comes from `rng`."""
+def sweep(scene: Scene, rays: Rays, rng) -> Sweep:
+    """Simulates one sweep; `rng` is the only source of randomness."""
     beams, count = rays.direction.shape[:2]
     turn, shift = scene.pose[:3, :3].astype(np.float32), scene.pose[:3, 3]
     origin = (rays.origin.astype(np.float64) @ scene.pose[:3, :3].T + shift).astype(np.float32)
@@ -71,7 +71,7 @@ def sweep(scene: Scene, rays: Rays, rng, sensor=SENSOR, returns=RETURNS) -> Swee
         window = _window(box, rays)
         if window is None:
             continue
-        hits, where = _cast(scene, index, box, body, rays, window, rng, returns)
+        hits, where = _cast(scene, index, box, body, rays, window, rng)
         outlines.append((index, where, hits.outline))
         total[index] = (hits.outline < FAR).sum()
         nearer = hits.distance < distance[where]
@@ -85,9 +85,7 @@ def sweep(scene: Scene, rays: Rays, rng, sensor=SENSOR, returns=RETURNS) -> Swee
         first[where] = np.minimum(first[where], hits.outline)
     for index, where, outline in outlines:
         seen[index] = ((outline < FAR) & (outline <= first[where])).sum()
-    return _measure(
-        rays, distance, reflectivity, cosine, owner, (total, seen), rng, sensor, returns
-    )
+    return _measure(rays, distance, reflectivity, cosine, owner, (total, seen), rng)
 
 
 def _window(box, rays: Rays) -> tuple[slice, slice] | None:
@@ -124,7 +122,7 @@ def _window(box, rays: Rays) -> tuple[slice, slice] | None:
     return slice(beams[0], beams[-1] + 1), span
 
 
-def _cast(scene: Scene, index, box, body, rays: Rays, window, rng, returns):
+def _cast(scene: Scene, index, box, body, rays: Rays, window, rng):
     direction = rays.direction[window]
     origin = np.broadcast_to(rays.origin[window], direction.shape)
     if scene.velocities is not None:
@@ -136,23 +134,23 @@ def _cast(scene: Scene, index, box, body, rays: Rays, window, rng, returns):
     radius2 = float((np.asarray(box[3:6]) ** 2).sum()) / 4 + 0.3
     along = (local_origin * local).sum(axis=1)
     near = np.flatnonzero((local_origin**2).sum(axis=1) - along**2 < radius2)
-    hits = cast_body(body, local_origin[near], local[near], rng, returns)
+    hits = cast_body(body, local_origin[near], local[near], rng)
     columns = direction.shape[1]
     where = (near // columns + window[0].start, near % columns + window[1].start)
     return hits, where
 
 
-def _measure(rays, distance, reflectivity, cosine, owner, counts, rng, sensor, returns) -> Sweep:
-    """Drop-out, range noise, intensity."""
-    power = reflectivity * np.maximum(cosine, 1e-3) ** returns.cosine_power
+def _measure(rays, distance, reflectivity, cosine, owner, counts, rng) -> Sweep:
+    """Applies drop-out, range noise and intensity."""
+    power = reflectivity * np.maximum(cosine, 1e-3) ** RETURNS.cosine_power
     margin = np.log(np.maximum(power, 1e-9)) - 2 * np.log(np.clip(distance, 0.5, 1e4))
-    chance = returns.base / (1 + np.exp(-returns.slope * (margin - returns.threshold)))
+    chance = RETURNS.base / (1 + np.exp(-RETURNS.slope * (margin - RETURNS.threshold)))
     kept = (rng.random(distance.shape) < chance) & (reflectivity > 0)
-    kept &= (distance < sensor.max_range) & (distance > sensor.min_range)
-    noise = rng.normal(0, sensor.range_noise, distance.shape).astype(np.float32)
-    distance = distance + np.clip(noise, -3 * sensor.range_noise, 3 * sensor.range_noise)
+    kept &= (distance < SENSOR.max_range) & (distance > SENSOR.min_range)
+    noise = rng.normal(0, SENSOR.range_noise, distance.shape).astype(np.float32)
+    distance = distance + np.clip(noise, -3 * SENSOR.range_noise, 3 * SENSOR.range_noise)
     points = rays.origin_velo[kept] + rays.direction_velo[kept] * distance[kept, None]
-    points = np.round(points / sensor.quantum) * np.float32(sensor.quantum)
+    points = np.round(points / SENSOR.quantum) * np.float32(SENSOR.quantum)
     level = power[kept] * rng.lognormal(0, 0.25, int(kept.sum()))
     intensity = np.round(np.clip(level, 0, 0.99), 2)
     points = np.column_stack([points, intensity]).astype(np.float32)

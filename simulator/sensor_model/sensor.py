@@ -1,6 +1,6 @@
 """Rays of the sensor: one per beam and azimuth step, in the velodyne and the level frame.
 
-Letters: B beams (top to bottom), C azimuth columns (left to right is not assumed; see `azimuth`).
+Letters: B beams (top to bottom), C azimuth columns (in the order of `azimuth`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kitti.calibration import Calibration
-from simulator.config import SENSOR, SensorConfig
+from simulator.config import SENSOR
 
 
 @dataclass(frozen=True)
@@ -31,29 +31,27 @@ class Rays:
     time: np.ndarray
 
 
-def beam_table(config: SensorConfig = SENSOR) -> tuple[np.ndarray, np.ndarray]:
+def beam_table() -> tuple[np.ndarray, np.ndarray]:
     """Elevations (64,) in radians, top to bottom, and heights (64,) of the beams' origins."""
-    elevation = [top - step * np.arange(count) for count, top, step, _ in config.groups]
-    heights = [np.full(count, height) for count, _, _, height in config.groups]
+    elevation = [top - step * np.arange(count) for count, top, step, _ in SENSOR.groups]
+    heights = [np.full(count, height) for count, _, _, height in SENSOR.groups]
     return np.radians(np.concatenate(elevation)), np.concatenate(heights)
 
 
-def make_rays(
-    calib: Calibration, *, full: bool = False, velocity=None, config: SensorConfig = SENSOR
-) -> Rays:
+def make_rays(calib: Calibration, *, full: bool = False, velocity=None) -> Rays:
     """Rays of one sweep in the camera's view, or of 360 degrees with `full`.
 
     velocity: None for a scan corrected for the car's motion, as KITTI's are; else (vx, vy, yaw
     rate) of the car in its own frame, m/s and rad/s: the sensor moves during the sweep and the
     scan is left uncorrected. At the reference time the sensor points forwards.
     """
-    elevation, height = beam_table(config)
-    half = 180.0 if full else config.view_half_angle_deg
-    count = round(2 * half / config.azimuth_step_deg)
-    step = np.radians(2 * half / count if full else config.azimuth_step_deg)
+    elevation, height = beam_table()
+    half = 180.0 if full else SENSOR.view_half_angle_deg
+    count = round(2 * half / SENSOR.azimuth_step_deg)
+    step = np.radians(2 * half / count if full else SENSOR.azimuth_step_deg)
     azimuth = (np.arange(count) - (count - 1) / 2) * step
     if not full:
-        elevation, height = elevation[: config.view_beams], height[: config.view_beams]
+        elevation, height = elevation[: SENSOR.view_beams], height[: SENSOR.view_beams]
     beams = len(elevation)
     # Lasers fire in sequence, so rings are shifted against each other within a step.
     shift = ((np.arange(beams) * 0.618034) % 1.0 - 0.5) * step
@@ -66,7 +64,7 @@ def make_rays(
     origin = np.zeros_like(direction)
     origin[..., 2] = height[:, None]
     # The head turns clockwise seen from above: it passes the left side first.
-    time = -azimuth / (2 * np.pi) * config.period_s
+    time = -azimuth / (2 * np.pi) * SENSOR.period_s
     moved_origin, moved_direction = origin, direction
     if velocity is not None:
         moved_origin, moved_direction = _moved(origin, direction, velocity, time)

@@ -1,7 +1,7 @@
 """The roadside: facades, walls, fences, hedges, trees, poles, signs, bins.
 
-Objects are laid along a path, layer by layer outwards; each takes the first offset at which its
-footprint is free of everything marked before.
+Objects are placed along a path, layer by layer outwards; each at the first offset at which its
+footprint is free.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Site:
         """Occupies a rectangle if it is free; returns whether it was."""
         ahead = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
         if self.taken.at(np.stack([center, center + ahead, center - ahead])).any():
-            return False  # a quick test that most attempts fail
+            return False  # quick rejection of most attempts
         points = rectangle_points(center, yaw, length, width)
         if self.taken.at(points).any():
             return False
@@ -187,7 +187,7 @@ def _facades(site: Site, line: Line, setting: Setting, rng) -> None:
 
 
 def _backdrop(site: Site, line: Line, offset: float, share: float, rng) -> None:
-    """Woods and houses in the background, so that few rays miss everything."""
+    """Adds woods and houses in the background, which most rays meet."""
     s = rng.uniform(0, 10)
     while s < len(line):
         length = rng.uniform(6, 16)

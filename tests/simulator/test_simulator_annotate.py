@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kitti.boxes import points_in_boxes
+from kitti.boxes import IMAGE_SIZE, points_in_boxes
 from simulator.annotate import label_frame, occlusion_state, truncation_share
 from simulator.bodies.kitti_types import make_body
-from simulator.config import IMAGE_SIZE
 from simulator.drives.drive import make_calibration
 from simulator.sensor_model.frames import Options, take_sweep
 from simulator.sensor_model.scan import Scene

@@ -7,7 +7,7 @@ import pytest
 
 from simulator.bodies.convex import FAR, cast_body
 from simulator.bodies.kitti_types import draw_size, make_body
-from simulator.config import RETURNS, SIZES
+from simulator.config import SIZES
 
 KINDS = {
     "Car": (3.9, 1.6, 1.5),
@@ -28,7 +28,7 @@ def hits_on(body, size, rays: int = 20000):
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     origin = (rng.random((rays, 3)) - 0.5) * size - 25 * direction
     origin, direction = origin.astype(np.float32), direction.astype(np.float32)
-    hits = cast_body(body, origin, direction, rng, RETURNS)
+    hits = cast_body(body, origin, direction, rng)
     met = hits.distance < FAR
     return origin[met] + direction[met] * hits.distance[met, None], hits
 
@@ -83,6 +83,6 @@ def test_sizes_have_the_fitted_moments(kind):
     rng = np.random.default_rng(0)
     sizes = np.array([draw_size(kind, rng) for _ in range(1500)])
     assert (sizes >= fit.low).all() and (sizes <= fit.high).all()
-    # leaving out what lies beyond [low, high] moves the mean a little
+    # the limits [low, high] shift the mean slightly
     assert (np.abs(sizes.mean(axis=0) - fit.mean) < 0.35 * np.array(fit.std)).all()
     assert (sizes.std(axis=0) > 0.6 * np.array(fit.std)).all()

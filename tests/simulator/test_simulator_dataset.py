@@ -79,13 +79,13 @@ def test_track_ids_never_change(made):
         np.testing.assert_allclose(rows.boxes[:, 3:6].std(axis=0), 0, atol=1e-5)
 
 
-def test_same_bytes_whatever_the_number_of_processes(again, made, tmp_path):
+def test_bytes_do_not_depend_on_the_number_of_processes(again, made, tmp_path):
     out = tmp_path / "data"
     assert run(main, replayed(out, made, "--processes", "2")) == 0
     assert files(out) == files(again)
 
 
-def test_an_interrupted_run_goes_on_where_it_stopped(again, made, tmp_path):
+def test_an_interrupted_run_resumes(again, made, tmp_path):
     out = tmp_path / "data"
     assert run(main, replayed(out, made, "--processes", "1")) == 0
     manifest = json.loads((out / "manifest.json").read_text())
@@ -132,7 +132,7 @@ def test_replay_of_fewer_frames_is_whole(made, tmp_path):
     assert len(sequence.poses) == 2
 
 
-def test_options_change_what_they_say(again, made, tmp_path):
+def test_each_option_has_its_effect(again, made, tmp_path):
     around, moving = tmp_path / "full", tmp_path / "moving"
     assert run(main, replayed(around, made, "--frames", "2", "--full", "--processes", "1")) == 0
     flags = ("--frames", "2", "--motion_distortion", "--processes", "1")

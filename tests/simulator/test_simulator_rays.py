@@ -72,7 +72,7 @@ def test_intersect_block_is_the_slab_answer():
     assert ((normals * direction[seen]).sum(axis=1) < 0).all()
 
 
-def test_intersect_misses_what_lies_behind():
+def test_intersect_misses_bodies_behind_the_ray():
     planes = block((5, 0, 0), (1, 1, 1))[None].astype(np.float32)
     origin = np.zeros((2, 3), np.float32)
     direction = np.array([[1, 0, 0], [-1, 0, 0]], np.float32)

@@ -41,7 +41,7 @@ def test_nothing_static_where_a_labelled_object_is(world):
         assert (points_in_boxes(static, scene.boxes) == -1).all()
 
 
-def test_no_wall_before_what_is_labelled_visible(world):
+def test_no_wall_hides_objects_labelled_visible(world):
     sequence, scenes = world
     frame = 50
     labels = sequence.objects.at(frame)
