@@ -1,4 +1,4 @@
-"""AB3DMOT on PointRCNN's cars, beside the numbers its authors publish.
+"""AB3DMOT on PointRCNN's cars, compared with its authors' published numbers.
 
     python -m experiments.ab3dmot --data_root KITTI --detections KITTI/detections/pointrcnn_Car \
         --out results/ab3dmot
@@ -32,7 +32,7 @@ SPACES = {
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Tracks the sequences once, evaluates them four times."""
+    """Tracks the sequences once and evaluates them under each protocol."""
     seqs = ",".join(sequence_name(seq) for seq in AB3DMOT_SEQUENCES)
     parser = make_parser(__doc__, seqs)
     parser.add_argument("--detections", required=True, help="folder of PointRCNN detections")

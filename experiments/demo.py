@@ -1,4 +1,4 @@
-"""The demo: data, networks, trackers, pictures, page; a finished step is skipped the next time."""
+"""The demo: data, networks, trackers, pictures, page; finished steps are skipped."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import TRACKER_NAMES
-from kitti.labels import Objects, read_results
+from kitti.labels import read_results
+from kitti.objects import Objects
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
 from visualization.clip import Clip
@@ -45,11 +46,6 @@ PAPER = "paper, KITTI"
 Row = tuple[str, list[str]]
 
 
-def parse_distances(text: str) -> tuple[float, ...]:
-    """argparse type: "0,2" -> (0.0, 2.0), metres."""
-    return tuple(flags.non_negative_float(part.strip()) for part in text.split(","))
-
-
 @dataclass(frozen=True)
 class DemoConfig:
     """Settings of demo.py, one flag per field; the defaults take less than five minutes on 2 cores.
@@ -58,10 +54,10 @@ class DemoConfig:
     object shifts; 0.2 to 0.4 were tried).
     """
 
-    out: Path = option(Path("results/demo"), "folder for everything that is made")
+    out: Path = option(Path("results/demo"), "output folder")
     weights: Path = option(Path("weights"), "folder of the networks' weights")
-    sequences: int = option(2, "simulated ones", flags.positive_int, least=1)
-    frames: int = option(80, "of each simulated one", flags.positive_int, least=1)
+    sequences: int = option(2, "number of simulated sequences", flags.positive_int, least=1)
+    frames: int = option(80, "of each simulated sequence", flags.positive_int, least=1)
     data_root: Path | None = option(None, "own data in KITTI's tracking layout, not simulated")
     seqs: tuple[int, ...] | None = option(
         None, "of --data_root, such as 0000 or 0016-0020", parse_seqs
@@ -69,7 +65,7 @@ class DemoConfig:
     object_shifts: tuple[float, ...] = option(
         (0.0, 2.0),
         "metres, section IV.D; 0 comes first",
-        parse_distances,
+        flags.non_negative_floats,
         ("object_shifts", "displacements"),
         least=0,
     )
@@ -87,7 +83,7 @@ class DemoConfig:
 
 
 def run_demo(config: DemoConfig) -> dict[str, Any]:
-    """All steps; prints the table and the paths, returns what metrics.json holds."""
+    """Runs all steps; prints the table and the paths, returns the content of metrics.json."""
     check_writable(config.out)
     demo = Demo(config)
     demo.make_data()
@@ -110,7 +106,7 @@ class Demo:
         self.seqs = tuple(range(first, first + config.sequences)) if self.simulated else config.seqs
 
     def make_data(self) -> None:
-        """Simulates the held-out sequences, unless they are there or the data is given."""
+        """Simulates the held-out sequences, unless they exist or --data_root is given."""
         if self.simulated:
             counts = ["--sequences", self.config.sequences, "--frames", self.config.frames]
             argv = ["--out", self.data_root, "--split", "val", *counts]
@@ -135,12 +131,12 @@ class Demo:
         return {d: self.evaluation(d).open_scenes() for d in self.config.object_shifts}
 
     def fill_cache(self) -> None:
-        """One pass of the networks over every scene."""
+        """Runs the networks once over every scene."""
         from tf_ops.devices import describe_device
 
         kept = [self.cached.path(scene) for scenes in self.scenes.values() for scene in scenes]
         for path in self.cached.folder.glob("*.npz"):
-            if path not in kept:  # of other weights, data or code
+            if path not in kept:  # cached with other weights, data or code
                 path.unlink()
         print(describe_device())
         for distance, scenes in self.scenes.items():
@@ -168,7 +164,7 @@ class Demo:
         return make
 
     def folder(self, distance: float, tracker: str) -> Path:
-        """Where a tracker's result files are."""
+        """Folder of a tracker's result files."""
         return self.config.out / f"{tracker}-{distance:g}m"
 
     def clips(self) -> list[Clip]:
@@ -181,7 +177,7 @@ class Demo:
 
     @cached_property
     def _shown(self) -> int:
-        """The sequence with most labelled vehicles is the one in the pictures."""
+        """Index of the sequence in the pictures: the one with most labelled vehicles."""
         first = next(iter(self.scenes.values()))
         counts = [len(scene.objects.of_classes(self.evaluation(0).classes)) for scene in first]
         return counts.index(max(counts))
@@ -191,7 +187,7 @@ class Demo:
         return read_results(folder / f"{scene.name}.txt", scene.num_frames)
 
     def draw(self) -> None:
-        """All pictures."""
+        """Draws all pictures."""
         folder, weights = self.config.out, self.config.weights
         files = [picture.path for picture in pictures(folder)]
         tracks = [
@@ -224,7 +220,7 @@ class Demo:
         )
 
     def draw_drive(self) -> None:
-        """The drive of the pictures in 3-D: two trackers at the largest object shift."""
+        """Writes the 3-D scene: two trackers at the largest object shift."""
         distance = max(self.config.object_shifts)
         scene, path = self.scenes[distance][self._shown], self.config.out / SCENE
         trackers = {name: self._tracks(distance, scene, name) for name in ("pointtracknet", "sort")}
@@ -278,7 +274,7 @@ class Demo:
 
     def _notes(self) -> list[str]:
         source = (
-            "Our rows: simulated held-out traffic, which the networks never saw"
+            "Our rows: simulated traffic that is held out of training"
             if self.simulated
             else f"Our rows: {self.data_root}, with networks trained on simulation only"
         )

@@ -31,7 +31,7 @@ from experiments.runs import make_parser, shown, write
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
 from kitti.iou import iou_3d
-from kitti.labels import VEHICLES
+from kitti.objects import VEHICLES
 from kitti.targets import association_displacement, foreground_labels
 from metrics.protocols import CLEAR3D
 from tracking.assignment import greedy
@@ -69,7 +69,7 @@ def box_counts(scene: Scene, cached: CachedPredictions, min_score: float) -> dic
 
 
 def end_point_errors(scene: Scene, cached: CachedPredictions) -> np.ndarray:
-    """(P,) metres: error of the displacement at every kept foreground point (ground left out)."""
+    """(P,) metres: error of the displacement at every kept foreground point above the ground."""
     errors = [np.zeros(0)]
     for found in cached.frames(scene):
         t = found.t
@@ -88,7 +88,7 @@ def end_point_errors(scene: Scene, cached: CachedPredictions) -> np.ndarray:
 
 
 def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dict[str, Any]:
-    """All metrics at one object shift and seed; the trackers' results go into `out`."""
+    """All metrics at one object shift and seed; writes the trackers' results to `out`."""
     scenes, distance = config.open_scenes(), config.object_shift
     cached.fill_all(scenes, f"networks, D = {distance:g} m, seed {config.seed}")
     counts = [box_counts(scene, cached, config.min_box_score) for scene in scenes]

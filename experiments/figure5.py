@@ -104,7 +104,7 @@ def csv_text(curves: Curves) -> str:
 
 
 def draw(path: Path, curves: Curves) -> None:
-    """A panel for either kind of boxes: curves with a band over seeds, the paper's ends as x."""
+    """Plots a panel per kind of boxes: curves with a band over seeds, the paper's values as x."""
     from matplotlib.figure import Figure
 
     panels = [boxes for boxes in PANELS if any(key[0] == boxes for key in curves)]

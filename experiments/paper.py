@@ -1,4 +1,4 @@
-"""Figures printed in the papers, to stand beside ours."""
+"""Numbers printed in the papers, for comparison with ours."""
 
 from __future__ import annotations
 
@@ -37,9 +37,8 @@ TABLE5 = {
     },
 }
 
-# Tables III and IV: row -> MOTA, MOTP, MT, ML. The paper tells neither boxes nor displacement; the
-# best rows (0.747, 0.739) are near Table V's predicted boxes at 0 m (0.738).
-ABLATION_COLUMNS = TABLE5_COLUMNS[:4]
+# Tables III and IV: row -> the first four columns above. The paper specifies neither boxes nor
+# displacement; the best rows (0.747, 0.739) are near Table V's predicted boxes at 0 m (0.738).
 TABLE3 = {
     "elementwise product": (0.704, 0.792, 0.539, 0.080),
     "concat": (0.717, 0.790, 0.65, 0.044),

@@ -1,11 +1,10 @@
-"""Where the time of a streamed frame and of a training step goes, block by block.
+"""Times of a streamed frame and of a training step, block by block.
 
     python -m experiments.profile --out results/profile
 
-Each block runs alone on the inputs that it has in the network; medians of --repeats. Beside it
-stand the floor (the block's floating-point operations at the rate of a large float32 matrix product
-measured in the same process) and the bytes that its linear layers move. Writes profile.md and
-profile.json.
+Each block runs alone on its inputs in the network; medians of --repeats. The table also has the
+floor (the block's floating-point operations at the rate of a large float32 matrix product measured
+in the same process) and the bytes that its linear layers move. Writes profile.md and profile.json.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from common.files import write_json, write_text
 from common.flags import ArgumentParser, positive_int, run
 from common.markdown import markdown
-from common.provenance import provenance
+from experiments.runs import write
 from experiments.table2 import matmul_rate, median_seconds, simulate
 from kitti.scans.point_arrays import sample_points
 from kitti.scans.scan_files import read_scan
@@ -105,7 +103,7 @@ def gradient_seconds(call: Callable, arguments: tuple, layers, repeats: int) -> 
 
 
 def wait(outputs) -> None:
-    """Returns when every output is there."""
+    """Waits until every output is computed."""
     import tensorflow as tf
 
     for output in tf.nest.flatten(outputs):
@@ -117,7 +115,7 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     """The blocks of one new frame of a stream, batch of 1, batch normalisation folded."""
     import tensorflow as tf
 
-    from experiments.costs import detector_costs, tracker_costs
+    from experiments.timing.costs import detector_costs, tracker_costs
     from models.detector import detector_inputs
     from models.inference import StreamingNetwork
 
@@ -160,7 +158,7 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
 
 def profile_training(detector, scans: list[np.ndarray], batch: int, repeats: int):
     """Forward and backward of the detector's blocks, per frame of a batch; 3 times the forward."""
-    from experiments.costs import detector_costs
+    from experiments.timing.costs import detector_costs
 
     rng, count = np.random.default_rng(0), detector.config.num_points
     chosen = [scans[i % len(scans)] for i in range(batch)]
@@ -195,16 +193,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         fresh = Detector(networks[0].config)
         title = f"detector's training step, per frame of {flags.batch}"
         parts[title] = profile_training(fresh, scans, flags.batch, flags.repeats)
-    record = provenance(config={"repeats": flags.repeats, "batch": flags.batch})
     text = f"Float32 matrix product: {rate / 1e9:.0f} GFLOP/s.\n"
     for title, blocks in parts.items():
         rows = [timed.row(name, rate) for name, timed in blocks.items()]
         text += f"\n{title.capitalize()}:\n\n{markdown(HEADER, rows)}"
-    text += f"\n`{record['command']}`\n"
-    print(text, end="")
-    write_text(flags.out / "profile.md", text)
     values = {title: {n: asdict(t) for n, t in blocks.items()} for title, blocks in parts.items()}
-    write_json(flags.out / "profile.json", {"run": record, "rate": rate, "parts": values})
+    details = {"config": {"repeats": flags.repeats, "batch": flags.batch}}
+    figures = {"rate": rate, "parts": values}
+    write(flags.out, "profile", "Time by block", text, figures, **details)
 
 
 if __name__ == "__main__":

@@ -3,10 +3,10 @@
     python -m experiments.readme_tables          write them
     python -m experiments.readme_tables --check  fail if a document differs from the files
 
-A table stands between `<!-- table: NAME -->` and `<!-- end -->`. It is the text of
+A table is placed between `<!-- table: NAME -->` and `<!-- end -->`. It is the text of
 docs/tables/NAME.md without its title, and one line about the run that made it (date, commit,
-machine, versions, command) from docs/tables/NAME.json. Where NAME.md is not there, one line says
-so. The table `summary` is made of validation.json and real.json.
+machine, versions, command) from docs/tables/NAME.json, or a line that says that NAME.md is missing.
+The table `summary` is made of validation.json and real.json.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from experiments.runs import TRACKER_NAMES, shown
 
 TABLES = ROOT / "docs" / "tables"
 PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
-COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # the record's line says it, with the rest
+COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # also in the line of the record
 EXAMS = {"simulated": "validation", "real": "real"}
 DISTANCES = ("0.0", "2.0")  # metres, as the exams' files name them
 BASELINES = ("sort", "deep_sort", "ab3dmot")
@@ -81,7 +81,7 @@ def record_line(made: dict[str, Any]) -> str:
 
 
 def summary(*exams: dict[str, list[dict[str, float]]]) -> str:
-    """MOTA of every tracker in every exam beside the paper's, and who is ahead of ours where."""
+    """MOTA of every tracker in every exam and in the paper, and the trackers ahead of ours."""
     columns = [(exam, distance) for exam in exams for distance in DISTANCES]
     heads = [f"{data}, D = {float(d):g} m" for data in (*EXAMS, "paper") for d in DISTANCES]
     lines = []

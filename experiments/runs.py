@@ -29,7 +29,7 @@ Key = TypeVar("Key", bound=Hashable)
 WORKERS = 2
 NICE = 5
 SPAWN = get_context("spawn")
-"""Processes start afresh: one forked beside TensorFlow's threads may wait for ever."""
+"""Workers are spawned: a process forked beside TensorFlow's threads may deadlock."""
 TRACKER_NAMES = {
     "pointtracknet": "PointTrackNet",
     "pointtracknet_probation": "PointTrackNet, probation of 3",
@@ -165,7 +165,7 @@ def fill_caches(runs: Iterable[Run]) -> None:
 
 
 def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, Any]]:
-    """Metrics of each distinct run, by run; the networks run first, in a process of their own."""
+    """Metrics of each distinct run, by run; the networks run first, in a separate process."""
     runs = list(dict.fromkeys(runs))
     different = {(run.seqs, run.shift): run for run in runs if run.config.needs_network}
     if different:
@@ -184,7 +184,7 @@ def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, An
 
 
 def _quietly() -> None:
-    """A process that shows no progress of its own and leaves the machine to others."""
+    """Sets up a worker: no progress display, low priority."""
     os.nice(NICE)
     sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for the life of the process
 

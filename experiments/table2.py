@@ -2,10 +2,10 @@
 
     python -m experiments.table2 --out results/table2
 
-Everything is measured in one process, ours and the plain version in turn; medians of --repeats.
-Scans are simulated; the stream runs the networks of --weights, so that it decodes as many boxes as
-in use. A step of training is timed with the input pipeline and with one batch repeated: their
-difference is the cost of the pipeline. Prints a table; writes table2.json and table2.md.
+All times are measured in one process, ours and the plain version alternating; medians of --repeats.
+Scans are simulated; the stream runs the networks of --weights, to decode as many boxes as in use.
+A step of training is timed with the input pipeline and with one batch repeated: the difference is
+the cost of the pipeline. Prints a table; writes table2.json and table2.md.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ def detector_times(config, scans: list[np.ndarray], repeats: int) -> dict[str, f
     """Seconds a frame, forward and forward with backward, ours and plain, batch of 8."""
     import tensorflow as tf
 
-    from experiments.costs import detector_costs, total
-    from experiments.plain_detector import PlainDetector
+    from experiments.timing.costs import detector_costs, total
+    from experiments.timing.plain_detector import PlainDetector
     from models.detector import Detector, detector_inputs
 
     batch = 8

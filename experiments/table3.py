@@ -4,8 +4,8 @@
         --val_seqs 0016,0018 --weights weights --workdir runs/ablations --out results/tables
 
 "Cosine distance" of the paper has two readings: the value beside the features of both points, or
-alone. "No association" is not in the paper: the refinement sees frame t-1 alone, which shows what
-the association head brings. See `experiments.ablation` for what is trained and evaluated.
+alone. "No association" is not in the paper: the refinement uses frame t-1 alone, which shows the
+contribution of the association head. `experiments.ablation.rows` describes training and evaluation.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from common import flags
-from experiments.ablation import Ablation, Row, run_ablation
+from experiments.ablation.rows import Ablation, Row, run_ablation
 from experiments.paper import TABLE3
 
 FUSIONS = Ablation(

@@ -3,8 +3,8 @@
     python -m experiments.table4 --data_root DATA --seqs 0001-0015 --val_data_root VAL \
         --val_seqs 0016,0018 --weights weights --workdir runs/ablations --out results/tables
 
-See `experiments.ablation` for what is trained and evaluated; with the workdir of Table III the row
-that is in both is trained once.
+`experiments.ablation.rows` describes training and evaluation; with the workdir of Table III the row
+that is in both tables is trained once.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from common import flags
-from experiments.ablation import Ablation, Row, run_ablation
+from experiments.ablation.rows import Ablation, Row, run_ablation
 from experiments.paper import TABLE4
 
 FEATURES = Ablation(

@@ -46,7 +46,7 @@ MIN_SCORE = 2.0  # of a PointRCNN box; as where tau was chosen (tracking/)
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the table: its boxes, its trackers, and the part of the paper's beside it."""
+    """A part of the table: its boxes, its trackers, and the corresponding part of the paper's."""
 
     title: str
     paper: str
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def parts_of(args) -> list[Part]:
-    """The parts that the flags ask for."""
+    """The parts of the table selected by the flags."""
     classes = " and ".join(args.classes)
     networks, trackers = {}, (*BASELINES, UPPER_BOUND)
     if args.weights is not None:

@@ -1,4 +1,4 @@
-"""How Algorithm 1's free parameters were chosen: training sequences, detector boxes, noisy motion.
+"""The choice of Algorithm 1's free parameters: training sequences, detector boxes, noisy motion.
 
     python -m studies.algorithm1_parameters --data_root KITTI --detections DIR --out DIR
 
@@ -23,7 +23,7 @@ from evaluation.detections import DetectionFiles
 from evaluation.scene import open_scenes
 from evaluation.tracking_loop import track_scene
 from experiments.runs import make_parser, write
-from kitti.labels import VEHICLES
+from kitti.objects import VEHICLES
 from metrics.protocols import Entry, evaluate_protocol
 from tracking.association_to_trajectory import AssociationByLabels, AssociationParameters
 

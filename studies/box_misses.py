@@ -5,7 +5,7 @@
 A vehicle is missed if no box of at least the threshold overlaps it by 3-D IoU 0.5. For each missed
 one with `--points` points or more: place and size, mean foreground probability of its points,
 proposals whose centre lies in it, and IoU and score of the cluster that overlaps it most, before
-any threshold. Shows whether mask, boxes, or score failed. Writes box_misses.md and box_misses.json.
+any threshold; the columns show whether mask, boxes, or score failed. Writes box_misses.md, .json.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _cell(value: Any) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Runs the detector, lists what it missed, prints and writes the list."""
+    """Runs the detector, lists missed vehicles, prints and writes the list."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     add = parser.add_argument
     add("--data_root", required=True, metavar="DIR", help="labelled scans, KITTI's layout")

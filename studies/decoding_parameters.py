@@ -3,8 +3,8 @@
     python -m studies.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
 
 Runs the detector once over frames of a held-out training sequence, and decodes with
-one parameter changed at a time. The figure is 1 - (misses + false boxes) / true boxes at 3-D
-IoU 0.5: what MOTA would be without identity switches. The least score is the best of a sweep.
+one parameter changed at a time. The metric is 1 - (misses + false boxes) / true boxes at 3-D
+IoU 0.5: MOTA without identity switches. The least score is the best of a sweep.
 Writes decoding_parameters.md and .json.
 """
 
@@ -24,9 +24,10 @@ from common.progress import progress
 from evaluation.scene import Scene, open_scenes
 from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
-from kitti.labels import VEHICLES
 from kitti.object_shift import ObjectShift
+from kitti.objects import VEHICLES
 from kitti.scans.point_arrays import sample_points
+from metrics.scored_boxes import HIT, outcomes_of
 from models.boxes.box_decoding import decode_detections
 from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs
@@ -110,14 +111,10 @@ def score(frames: list[Frame], box, config: DecodingConfig) -> dict[str, float]:
 
 
 def _hits(truth: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """(K,) bool: boxes, best first, that take a true box of their own."""
-    hit, free = np.zeros(len(boxes), bool), np.ones(len(truth), bool)
-    iou = iou_3d(boxes, truth)
-    for row in range(len(boxes)):
-        overlap = np.where(free, iou[row], 0.0)
-        if overlap.max(initial=0.0) >= MIN_IOU:
-            hit[row], free[overlap.argmax()] = True, False
-    return hit
+    """(K,) bool: boxes, best first, that match a true box one-to-one."""
+    falling, counted = -np.arange(len(boxes)), np.ones(len(truth), bool)
+    ignorable = np.zeros(len(boxes), bool)
+    return outcomes_of(iou_3d(truth, boxes), falling, counted, ignorable, MIN_IOU)[0] == HIT
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -139,7 +136,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name, value in progress(trials, len(trials), "decoding", "trials"):
         config = dataclasses.replace(default, **{name: value})
         rows.append((name, value, score(frames, detector.config.box, config)))
-    write(args.out, "decoding_parameters", "Decoding", _table(default, rows), _figures(rows))
+    figures = [{"parameter": name, "value": value, **best} for name, value, best in rows]
+    write(args.out, "decoding_parameters", "Decoding", _table(default, rows), figures)
 
 
 def _table(default: DecodingConfig, rows) -> str:
@@ -150,10 +148,6 @@ def _table(default: DecodingConfig, rows) -> str:
         lines.append([name, f"{value}{star}", *metrics])
     header = ["parameter", "value", *COLUMNS[:-1], "at min_score"]
     return markdown(header, lines) + "\n* the default.\n"
-
-
-def _figures(rows) -> list[dict[str, Any]]:
-    return [{"parameter": name, "value": value, **best} for name, value, best in rows]
 
 
 if __name__ == "__main__":

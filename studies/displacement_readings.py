@@ -5,7 +5,7 @@
 SORT on level-frame boxes and on image boxes, and DEEP_SORT, on ground-truth boxes shifted by up to
 2.0 m, under every reading of `kitti.object_shift`. The nearest reading is the one whose SORT, in
 either space, is nearest to the paper's MOTA on the training sequences; the validation sequences
-only show what that one gives there. SORT has its authors' parameters; DEEP_SORT's filter noise is
+only report its result. SORT has its authors' parameters; DEEP_SORT's filter noise is
 fitted (`studies.deep_sort_noise`), so it takes no part in the choice.
 """
 

@@ -2,7 +2,7 @@
 
 `python -m studies.simulator_fidelity --data_root ../shared/kitti --out DIR` simulates the
 frames that have real scans, prints the table (goals beside it), writes it to DIR/fidelity.json
-and draws bird's-eye views and range images side by side. Without the data it says so and ends.
+and draws bird's-eye views and range images side by side. Without the data it prints a note.
 """
 
 from __future__ import annotations
@@ -79,30 +79,27 @@ Pairs = list[tuple[int, np.ndarray, np.ndarray]]
 
 def draw(path: Path, sequence: KittiSequence, pairs: Pairs) -> None:
     """Bird's-eye views and range images; pairs of (frame, real, simulated) level-frame scans."""
-    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
+    from visualization.drawing import save
 
-    figure, axes = plt.subplots(2 * len(pairs), 2, figsize=(11, 6.4 * len(pairs)), squeeze=False)
+    figure = Figure(figsize=(11, 6.4 * len(pairs)), layout="tight")
+    axes = figure.subplots(2 * len(pairs), 2, squeeze=False)
     for index, (frame, *scans) in enumerate(pairs):
         boxes = sequence.objects.at(frame).of_classes(VEHICLES).boxes
         for side, (name, scan) in enumerate(zip(("real", "simulated"), scans, strict=True)):
             _bird(axes[2 * index, side], scan, boxes, f"{name}, frame {frame}, {len(scan)} points")
             _range_image(axes[2 * index + 1, side], sequence.calib.level_to_velo(scan[:, :3]))
-    figure.tight_layout()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=70)
-    plt.close(figure)
+    save(figure, path, dpi=70)
 
 
 def _bird(axes, scan, boxes, title: str) -> None:
-    from kitti.boxes import box_corners
+    from visualization.drawing import birds_eye_axes, draw_boxes
 
     axes.scatter(scan[:, 0], scan[:, 1], s=0.3, c=np.clip(scan[:, 2], -2, 1.5), cmap="turbo")
-    for corners in box_corners(boxes)[:, [0, 1, 2, 3, 0], :2]:
-        axes.plot(corners[:, 0], corners[:, 1], "k-", linewidth=0.8)
-    axes.set(xlim=(0, 75), ylim=(-25, 35), aspect="equal", title=title, xlabel="m", ylabel="m")
+    draw_boxes(axes, boxes, "k", linewidth=0.8)
+    birds_eye_axes(axes, (0, 75), (-25, 35))
+    axes.set_title(title)
 
 
 def _range_image(axes, xyz) -> None:
@@ -116,7 +113,7 @@ def _range_image(axes, xyz) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Prints the table and writes it; returns 0 also where the data are absent."""
+    """Prints and writes the table; returns 0, also without the data."""
     flags = parser().parse_args(argv)
     if not (flags.data_root / "training" / "velodyne" / f"{flags.seq:04d}").is_dir():
         print(f"skipped: no real scans of sequence {flags.seq:04d} in {flags.data_root}")

@@ -1,11 +1,11 @@
 """Tables III and IV: a tracker trained and evaluated for each row and seed.
 
 All rows train on the same stored pairs, on the same frozen detector, with the same schedule; a seed
-gives the initial weights and the order of the pairs. The last checkpoint is taken, so nothing is
-chosen on the evaluated sequences. Each tracker is evaluated on the detector's boxes and on true
-ones, at displacement 0 and 2 m (one draw of the object shift, so that the spread is that of the
-trainings). Both tables share a workdir, and the row that is in both. Everything that is done is
-kept there: trainings, the detector's outputs, and metrics; an interrupted table resumes.
+sets the initial weights and the order of the pairs. The last checkpoint is evaluated: no choice
+depends on the evaluated sequences. Each tracker is evaluated on the detector's boxes and on true
+ones, at displacement 0 and 2 m (one draw of the object shift; the spread is that of the trainings).
+Both tables share a workdir and their common row. It stores trainings, outputs of the detector and
+metrics; an interrupted table resumes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from common.files import write_json
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.run import check_writable, evaluate
-from experiments.ablation_table import draw, text_of
+from experiments.ablation.table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
@@ -51,7 +51,7 @@ class Row:
 
     @property
     def folder(self) -> str:
-        """The folder of its trainings; the same tracker has the same one in both tables."""
+        """The folder of its trainings, the same in both tables."""
         tracker = replace(TrackerConfig(), **self.tracker)
         alone = "" if tracker.fusion_keeps_features else "-alone"
         return f"{tracker.fused_features}-{tracker.fusion}{alone}"
@@ -68,7 +68,7 @@ class Ablation:
 
 
 def default_config() -> TrackerTrainingConfig:
-    """The training of a row: short, with N' = 2000 in the place of 5000."""
+    """The training of a row: short, with N' = 2000 instead of 5000."""
     return TrackerTrainingConfig(
         tracker=TrackerConfig(num_kept_points=2000),
         augmentation=AugmentationConfig(object_shift_share=0.7, single_scan_pairs=True),
@@ -131,7 +131,7 @@ COST = (
 def check_settings(
     args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
 ) -> dict[str, Any]:
-    """Settings that all rows share; refuses a workdir whose rows had others."""
+    """Settings of all rows; refuses a workdir with rows of other settings."""
     if not (args.weights / "detector.npz").is_file():
         raise InputError("--weights: expected a checkpoint file", args.weights / "detector.npz")
     shared = to_dict(config)
@@ -178,7 +178,7 @@ def measure_row(
 def train_row(
     own: TrackerTrainingConfig, folder: Path, args, config: TrackerTrainingConfig, data
 ) -> Path:
-    """Trains a row to its end, unless that is done; returns its last checkpoint."""
+    """Trains a row, unless it is trained; returns its last checkpoint."""
     from models.weights import load_detector  # TensorFlow only where it is needed
     from training.checkpoint_folder import CheckpointFolder
     from training.loop import run_training
@@ -214,8 +214,8 @@ def train_row(
 def evaluate_row(
     checkpoint: Path, own: TrackerTrainingConfig, folder: Path, args: argparse.Namespace
 ) -> list[dict[str, Any]]:
-    """`clear3d` for either kind of boxes at each displacement, and the end-point error there."""
-    from experiments.stored_frames import StoredDetections, store_frames
+    """`clear3d` and end-point error for each kind of boxes and displacement."""
+    from experiments.ablation.stored_frames import StoredDetections, store_frames
     from models.boxes.box_score import load_scorer
     from models.inference import StreamingNetwork
     from models.weights import load_detector, load_tracker, network_hash

@@ -1,4 +1,4 @@
-"""The frozen detector's outputs of evaluated frames, on disk, for several trackers on top of it."""
+"""Outputs of the frozen detector for evaluated frames, stored on disk for several trackers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def store_frames(
 ) -> None:
     """Writes boxes, kept points and features (float16) of every frame that has no file yet.
 
-    `network`: its tracker says which points and features are kept, and is not run.
+    `network`: the configuration of its tracker selects points and features; it is not run.
     """
     with Progress(sum(len(scene.frames) for scene in scenes), title, "frames") as bar:
         for scene in scenes:

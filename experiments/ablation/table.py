@@ -1,4 +1,4 @@
-"""Text and picture of Tables III and IV: every metric beside the paper's, and what differs."""
+"""Text and plot of Tables III and IV: our metrics, the paper's, and significant differences."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def text_of(figures: Figures, paper: Paper, schedule: ScheduleConfig) -> str:
 
 
 def differences(figures: Figures, setting: tuple[str, float]) -> str:
-    """Which pairs of rows differ in MOTA by more than both standard deviations together."""
+    """Pairs of rows whose MOTA differs by more than the sum of both standard deviations."""
     values = {
         name: mean_and_spread([m["clear3d"]["MOTA"] for m in metrics_at(runs, setting)])
         for name, runs in figures.items()
@@ -84,7 +84,7 @@ def differences(figures: Figures, setting: tuple[str, float]) -> str:
 
 
 def order_sentence(figures: Figures, paper: Paper) -> str:
-    """Whether the paper's order of MOTA is ours, on the detector's boxes at each displacement."""
+    """Compares the paper's order of MOTA with ours on the detector's boxes, by displacement."""
     best_first = sorted(paper, key=lambda name: -paper[name][0])
     parts = []
     for setting in (s for s in settings_of(figures) if s[0] == NETWORK):
@@ -100,7 +100,7 @@ def order_sentence(figures: Figures, paper: Paper) -> str:
 
 
 def draw(path: Path, title: str, figures: Figures, paper: Paper) -> None:
-    """MOTA of every row: a dot for each seed, mean with spread, the paper's as a cross."""
+    """Plots MOTA of every row: a dot for each seed, mean with spread, the paper's as a cross."""
     from matplotlib.figure import Figure
 
     settings, names = settings_of(figures), list(figures)

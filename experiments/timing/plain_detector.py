@@ -1,4 +1,4 @@
-"""The detector of Table I written the plain way, as a peer for timing: gather, concatenate, Dense.
+"""The detector of Table I in plain Keras, the baseline of the timing: gather, concatenate, Dense.
 
 The same layers, widths and indices as models/detector.py, from Keras's Dense, BatchNormalization
 and ReLU, tf.gather(batch_dims=1) and reduce_max; every layer runs once per neighbour.

@@ -13,9 +13,10 @@ from helpers.small_weights import write_weights
 from common import flags
 from common.errors import InputError
 from common.provenance import command
-from experiments import ablation, table3, table4
-from experiments.ablation import DISTANCES, TABLE_FIELDS
-from experiments.ablation_table import differences, order_sentence
+from experiments import table3, table4
+from experiments.ablation import rows as ablation
+from experiments.ablation.rows import DISTANCES, TABLE_FIELDS
+from experiments.ablation.table import differences, order_sentence
 from models.config import TrackerConfig
 
 SHORT = ("epochs=1", "frames_per_epoch=2", "batch_size=1")
@@ -129,6 +130,6 @@ def test_differences_are_those_above_the_spread():
         (("--seqs", "0000"), "--seqs: expected one, or one for each --data_root"),
     ],
 )
-def test_what_does_not_fit_is_named(root, tmp_path, more, message):
+def test_invalid_flags_are_named(root, tmp_path, more, message):
     with pytest.raises(InputError, match=message):
         table3.main(arguments(root, tmp_path, *more))

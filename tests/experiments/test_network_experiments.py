@@ -7,12 +7,12 @@ import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, cloud, randomize_norms
 
-from experiments.costs import detector_costs, total
 from experiments.evaluate_networks import box_counts, end_point_errors
 from experiments.evaluate_networks import table as networks_table
-from experiments.plain_detector import PlainDetector
 from experiments.table2 import PAPER, table
-from kitti.labels import Objects
+from experiments.timing.costs import detector_costs, total
+from experiments.timing.plain_detector import PlainDetector
+from kitti.objects import Objects
 from models.boxes.box_coding import head_channels
 from models.detector import Detector, detector_inputs
 from tracking import FrameDetections

@@ -7,7 +7,7 @@ from helpers.small_weights import write_weights
 
 from evaluation.detections import NetworkDetections
 from evaluation.scene import open_scenes
-from experiments.stored_frames import StoredDetections, frame_path, store_frames
+from experiments.ablation.stored_frames import StoredDetections, frame_path, store_frames
 from models.inference import StreamingNetwork
 from models.weights import load_networks
 

@@ -1,0 +1,1 @@
+"""Rows of Tables III and IV: training and evaluation, stored outputs, table."""
