@@ -41,21 +41,18 @@ def to_dict(config: Any) -> dict[str, Any]:
     return json.loads(json.dumps(dataclasses.asdict(config), default=str))
 
 
-def from_dict(cls: type[T], values: Any, path: str | Path | None = None) -> T:
+def from_dict(
+    cls: type[T], values: Any, path: str | Path | None = None, name: str | None = None
+) -> T:
     """Builds the dataclass `cls` from a dictionary; unknown or mistyped fields are errors.
 
-    A field that is not there has its default: a record may be older than the field. Without a
-    default it is an error.
+    A missing field has its default, since a record may be older than the field; without a default
+    it is an error. `name` is the class in errors, "--" for flags.
 
     Raises:
         InputError: names the field, the value found and the value expected.
     """
-    return convert(cls, values, cls.__name__, path)
-
-
-def convert(kind: type[T], value: Any, name: str, path: str | Path | None) -> T:
-    """`from_dict` for any field type; `name` is what errors call it, "--" for flags."""
-    return _convert(kind, value, name, path, {})
+    return _convert(cls, values, name or cls.__name__, path, {})
 
 
 def _convert(
@@ -104,7 +101,7 @@ def _tuple(
 def _one_of(
     kinds: tuple, value: Any, name: str, path: str | Path | None, bounds: Mapping[str, Any]
 ) -> Any:
-    """The first of the kinds that takes the value; the error is that of the last."""
+    """Converts to the first kind that accepts the value; the error is that of the last."""
     if value is None and type(None) in kinds:
         return None
     *others, last = [kind for kind in kinds if kind is not type(None)]

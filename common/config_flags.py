@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from common.config import convert, parse_json
+from common.config import from_dict, parse_json
 from common.errors import InputError
 from common.files import read_bytes
 from common.flags import integer, number
@@ -86,11 +86,11 @@ def from_flags(config: type[T] | T, flags: argparse.Namespace) -> T:
         missing = [f"--{f.name}" for f in dataclasses.fields(cls) if f.name not in values]
         if missing:
             raise InputError(f"{', '.join(missing)}: required, as a flag or in --config", path)
-    return convert(cls, values, "--", path)
+    return from_dict(cls, values, path, "--")
 
 
 def _merged(config: Any, given: dict[str, Any], values: Any, prefix: str) -> Any:
-    """Values of the fields as in a dictionary; other values are left to `convert`."""
+    """Values of the fields as in a dictionary; other values are left to `from_dict`."""
     if not isinstance(values, dict):
         return values
     merged = dict(values)

@@ -1,4 +1,4 @@
-"""Reading regular files of bounded size; writing files that are either whole or not there."""
+"""Reads regular files of bounded size; writes files atomically."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any
 from common.errors import InputError
 
 MAX_BYTES = 2**30
-"""Default limit of `read_bytes`: a larger scan or table is no input of this project."""
+"""Default limit of `read_bytes`, above the size of any scan or table."""
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
@@ -36,7 +36,7 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def check_regular(path: str | Path, limit: int = MAX_BYTES) -> None:
-    """Refuses what cannot be read to its end: not a regular file, or larger than `limit` bytes.
+    """Refuses pipes, devices and directories, and files larger than `limit` bytes.
 
     Raises:
         InputError: directory, pipe, device, or too large.
@@ -57,7 +57,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
     On any exception the temporary file is removed and `path` is left as it was; an OSError (disk
     full, no permission) names `path`.
-    The temporary name keeps the suffix of `path`, so writers that look at it work.
+    The temporary file has the suffix of `path`, which some writers depend on.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

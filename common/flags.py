@@ -15,9 +15,9 @@ from common.errors import InputError
 from common.notes import write_or_silence
 
 _STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
-"""By error number what takes no more, where the error names no file (`common.files` names its)."""
+"""Name of the full or closed target by error number, where the error names no file."""
 MAX_COUNT = 10**6
-"""Of frames, points, repetitions: more is a mistake, and lists of so many still fit in memory."""
+"""Largest count of frames, points or repetitions; more is an input error."""
 INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 
 
@@ -64,14 +64,14 @@ def run(
 
 
 def _open_streams() -> None:
-    """Gives a process that was started with a closed stream a null device in its place."""
+    """Opens the null device in place of closed standard streams."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
 
 
 def _refuse(line: str) -> int:
-    """Prints one line on standard error; a stream that takes nothing changes no exit code."""
+    """Prints one line on standard error; errors of the stream do not change the exit code."""
     for stream, text in ((sys.stdout, ""), (sys.stderr, line + "\n")):
         write_or_silence(stream, text)
     return 2
@@ -96,7 +96,7 @@ def non_negative_int(text: str) -> int:
 
 
 def _digits(text: str) -> int | None:
-    """The number that up to 18 ASCII digits are; None for any other text."""
+    """The value of up to 18 ASCII digits; None for any other text."""
     return int(text) if text.isascii() and text.isdigit() and len(text) <= 18 else None
 
 

@@ -1,4 +1,4 @@
-"""The project's files that a module imports, found without running them."""
+"""Finds the project's files that a module imports, without running them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from common.provenance import ROOT
 def imported_files(*modules: str) -> list[Path]:
     """Files of the modules and of the project's modules they import, at any depth, sorted.
 
-    Imports within functions count. `from package.module import name` counts `module` alone, not
-    what `package/__init__.py` imports besides.
+    Imports within functions count. `from package.module import name` counts `module` alone, not the
+    other imports of `package/__init__.py`.
     """
     found: set[Path] = set()
     waiting = list(modules)

@@ -1,4 +1,4 @@
-"""Remarks on input that is used all the same, on standard error, each once in a process."""
+"""Notes on accepted input, on standard error, each once in a process."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import TextIO
 
 
 def report(line: str) -> None:
-    """Prints a line on standard error; where it takes none (closed, full), no work is lost."""
+    """Prints a line on standard error; errors of the stream (closed, full) are ignored."""
     if sys.stderr is not None:
         write_or_silence(sys.stderr, line + "\n")
 
 
 def write_or_silence(stream: TextIO, text: str) -> None:
-    """Writes and flushes; a stream that takes nothing goes to the null device from then on."""
+    """Writes and flushes; after an error the stream is redirected to the null device."""
     try:
         stream.write(text)
         stream.flush()
     except (OSError, ValueError):
-        with contextlib.suppress(OSError, ValueError):  # else Python writes again at its end
+        with contextlib.suppress(OSError, ValueError):  # else Python writes again on exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 

@@ -1,4 +1,4 @@
-"""NumPy's .npy format from bytes: nothing is executed or allocated that the bytes do not hold."""
+"""Reads NumPy's .npy format from bytes, without executing code or allocating undeclared memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def parse_npy(data: bytes) -> np.ndarray:
     """The array of an .npy file (version 1 or 2); a copy that may be written to.
 
     Raises:
-        ValueError: not that format, Python objects in it, or a size that is not that of the data.
+        ValueError: another format, Python objects, or a declared size that differs from the data.
     """
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)

@@ -68,8 +68,8 @@ def provenance(**details: Any) -> dict[str, Any]:
         "time_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "git_commit": git_commit(),
         "machine": {
-            "cpu_count": len(_cpus()),
-            "processor": _processor(),
+            "cpu_count": _cpu_count(),
+            "processor": processor(),
             "system": platform.system(),
             "architecture": platform.machine(),
         },
@@ -78,7 +78,7 @@ def provenance(**details: Any) -> dict[str, Any]:
     }
 
 
-def _processor(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
+def processor(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
     """The processor's model, or that of `platform` where Linux's list is missing."""
     try:
         lines = cpu_info.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -88,9 +88,6 @@ def _processor(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
     return models[0] if models else platform.processor()
 
 
-def _cpus() -> list[int]:
-    return (
-        sorted(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else list(range(os.cpu_count() or 1))
-    )
+def _cpu_count() -> int:
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return found or 1

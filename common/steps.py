@@ -12,7 +12,7 @@ from common.imports import imported_files
 
 
 class Steps:
-    """The steps that were finished in a folder, remembered in `steps.json`.
+    """The finished steps of a folder, stored in `steps.json`.
 
     Args:
         folder: of the job's output.
@@ -22,7 +22,7 @@ class Steps:
         self.path = Path(folder) / "steps.json"
 
     def run(self, name: str, key: str, outputs: Sequence[Path], make: Callable[[], object]) -> bool:
-        """Calls `make` unless the step was done under the same key and its outputs are there.
+        """Calls `make` unless the step was done under the same key and its outputs exist.
 
         Returns whether `make` was called. If it raises, the step counts as not done.
         """
@@ -36,7 +36,7 @@ class Steps:
     def _read(self) -> dict[str, str]:
         try:
             found = parse_json(self.path.read_bytes())
-        except (OSError, ValueError):  # none yet, or spoilt: everything is done again
+        except (OSError, ValueError):  # missing or damaged: all steps run again
             return {}
         return found if isinstance(found, dict) else {}
 

@@ -1,4 +1,4 @@
-"""Configurations as dictionaries: what is wrong is named."""
+"""Configurations as dictionaries: round trip and errors."""
 
 import dataclasses
 
@@ -49,7 +49,7 @@ def test_a_record_older_than_a_field_has_its_default():
         ({"rates": [-0.5]}, r"rates\[0\]: expected 0 to 1, found -0.5"),
     ],
 )
-def test_what_does_not_fit_is_named(values, message):
+def test_invalid_values_are_named(values, message):
     with pytest.raises(InputError, match=message):
         from_dict(_Config, values, "config.json")
 

@@ -1,4 +1,4 @@
-"""Flags of a dataclass and a file of the same settings: what is given, read and refused."""
+"""Flags of a dataclass and a file of the same settings: defaults, priority, errors."""
 
 import dataclasses
 import json

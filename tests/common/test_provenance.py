@@ -1,4 +1,4 @@
-"""Provenance: JSON-ready, with what a figure needs to be made again."""
+"""Provenance: JSON-ready, with everything needed to reproduce a result."""
 
 import json
 import platform
@@ -52,5 +52,5 @@ def test_commit_marks_changes(monkeypatch):
 def test_processor_is_named(tmp_path):
     info = tmp_path / "cpuinfo"
     info.write_text("processor\t: 0\nmodel name\t: EPYC: 9\nprocessor\t: 1\nmodel name\t: B\n")
-    assert provenance._processor(info) == "EPYC: 9"
-    assert provenance._processor(tmp_path / "none") == platform.processor()
+    assert provenance.processor(info) == "EPYC: 9"
+    assert provenance.processor(tmp_path / "none") == platform.processor()

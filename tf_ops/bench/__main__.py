@@ -11,7 +11,6 @@ import argparse
 import importlib.util
 import json
 import os
-import platform
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -21,7 +20,7 @@ from common.errors import InputError
 from common.files import write_json
 from common.flags import ArgumentParser, positive_int, run
 from common.progress import progress
-from common.provenance import ROOT, provenance
+from common.provenance import ROOT, processor, provenance
 from tf_ops.bench import tables
 
 THREADS = 2
@@ -49,17 +48,6 @@ def parse(argv: Sequence[str] | None):
     parser.add_argument("--name", default="bench", help="name of the table's JSON file")
     parser.add_argument("--ours_only", action="store_true", help="without the peers")
     return parser.parse_args(argv)
-
-
-def machine() -> str:
-    """The processor's name, if the system gives it."""
-    info = Path("/proc/cpuinfo")
-    names = [
-        line.partition(":")[2].strip()
-        for line in (info.read_text().splitlines() if info.is_file() else ())
-        if line.startswith("model name")
-    ]
-    return names[0] if names else platform.processor()
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -99,7 +87,7 @@ def moment(args: argparse.Namespace) -> dict[str, Any]:
     from tf_ops.bench import scans
 
     return provenance(
-        processor=machine(),
+        processor=processor(),
         threads=THREADS,
         calls=args.calls,
         scan=scans.scan(args.kitti_root, 15000)[1],

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import tensorflow as tf
+from matplotlib.figure import Figure
 
 import tf_ops
 from common.files import atomic_path
@@ -92,11 +92,9 @@ def measure() -> list[dict[str, Any]]:
 
 def plot(results: list[dict[str, Any]], path: Path) -> None:
     """Log-log plot, a panel for each op."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     panels = list(dict.fromkeys(result["panel"] for result in results))
-    figure, axes = plt.subplots(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
+    figure = Figure(figsize=(4.2 * len(panels), 3.6), layout="tight")
+    axes = figure.subplots(1, len(panels), squeeze=False)
     for axis, panel in zip(axes[0], panels, strict=True):
         for result in (r for r in results if r["panel"] == panel):
             mine = result["name"] == "ours"
@@ -111,7 +109,5 @@ def plot(results: list[dict[str, Any]], path: Path) -> None:
         axis.title.set_size(9)
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7)
-    figure.tight_layout()
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=90)
-    plt.close(figure)
