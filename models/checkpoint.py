@@ -62,7 +62,7 @@ def save(path: str | Path, meta: dict[str, Any], **groups: Variables) -> None:
 
 
 def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Reads a checkpoint: its meta and its arrays by name; nothing in the file is executed.
+    """Reads a checkpoint: its meta and its arrays by name; no code in the file is executed.
 
     Raises:
         InputError: the file is missing, truncated, corrupt, larger than MAX_BYTES, of another

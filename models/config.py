@@ -191,7 +191,7 @@ class DecodingConfig:
     cell: float = note(0.5, "metres; proposals are thinned by the cell of their centre")
     proposals_per_cell: int = note(40, "the most probable ones of each cell stay")
     max_proposals: int = note(600, "of a frame")
-    nms_iou: float = note(0.02, "boxes that overlap more belong to the same object")
+    nms_iou: float = note(0.02, "boxes that overlap more are of the same object")
     vote_iou: float = note(0.4, "proposals that overlap more are averaged (box voting)")
     score_prior: float = note(4.0, "pseudo-count in the score: boxes of few proposals score less")
     min_score: float = note(0.3, "of a box that is kept, where the weights ship no other")

@@ -67,8 +67,8 @@ def detector_inputs(xyz: tf.Tensor, config: DetectorConfig, query_xyz: tf.Tensor
         query_xyz: (B, Q, 3) points at which to predict; None: all of xyz.
 
     Returns:
-        DetectorInputs. Depends on coordinates alone, so the input pipeline can make it; all of it
-        is made on the CPU, and the tensors that a GPU needs are copied there once.
+        DetectorInputs. Depends on coordinates alone, so the input pipeline can make it, on the
+        CPU; the tensors that a GPU needs are copied there once.
     """
     levels, abstraction = [xyz], []
     for layer in config.set_abstraction:

@@ -30,14 +30,14 @@ from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 
 @dataclass(frozen=True, eq=False)
 class FrameState:
-    """Outputs of the networks for one frame, which the next frame is associated with."""
+    """Outputs of the networks for one frame, for the association with the next frame."""
 
     points: np.ndarray  # (N', 3) float32 level frame: the kept points
     foreground: np.ndarray  # (N',) float32: foreground probability of the kept points
     features: np.ndarray  # (N', C) float32: their features (pooled for appearance)
     detections: Detections
     probability: np.ndarray  # (N,) foreground probability of the sampled points
-    sampled: np.ndarray  # (N, 3) float32 level frame: the points the network saw
+    sampled: np.ndarray  # (N, 3) float32 level frame: the input points of the detector
     encode: Callable[[], EncodedFrame] | None = None  # None for a frame without points
 
     @cached_property
@@ -69,7 +69,7 @@ def box_scores(
 ) -> np.ndarray:
     """(K,) scores of the clusters of a frame: the scorer's, or without one their agreement.
 
-    points (N, 3) and their foreground probability (N,) are those that the network saw.
+    points (N, 3), the input of the detector, and their foreground probability (N,).
     """
     if scorer is None or not len(clusters.boxes):
         return clusters.agreement
@@ -82,8 +82,8 @@ class StreamingNetwork:
     Args:
         detector, tracker, scorer: as `models.weights.load_networks` gives them; without a scorer
             boxes are scored by agreement.
-        decoding: how points become boxes.
-        seed: of the choice of points.
+        decoding: parameters of the decoding of boxes.
+        seed: of the sampling of points.
         min_score: least score of a box; None: the scorer's, without one that of `decoding`.
     """
 
@@ -135,7 +135,7 @@ class StreamingNetwork:
 
         Returns:
             FrameState; without points its arrays are empty and `encoded` is None. The tracker
-            encodes the frame when it is first needed, so that other trackers need not pay for it.
+            encodes the frame at the first use: other trackers do not need it.
 
         Raises:
             ValueError: points of another shape, or not finite.
@@ -165,7 +165,7 @@ class StreamingNetwork:
     def restored(
         self, points: np.ndarray, foreground: np.ndarray, features: np.ndarray, found: Detections
     ) -> FrameState:
-        """A frame from the kept points, their features and the boxes that `detect` found once.
+        """A frame from stored outputs of `detect`: kept points, their features and boxes.
 
         Its `probability` and `sampled` are those of the kept points alone.
         """
@@ -181,7 +181,7 @@ class StreamingNetwork:
         return self._associate(previous.encoded, current.encoded).numpy()[0]
 
     def appearance(self, state: FrameState, boxes: np.ndarray) -> np.ndarray:
-        """The mean feature of the kept points in each box, L2-normalised; 0 where there are none.
+        """The mean feature of the kept points in each box, L2-normalised; 0 for an empty box.
 
         boxes: (M, 7) level frame, of the frame of `state` -> (M, C) float32.
         """

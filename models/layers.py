@@ -89,8 +89,8 @@ class LinearNormReLU(keras.layers.Layer):
     with gathering and interpolation: W [f_j ; x_j - x_i] = W_f f_j + W_x x_j - W_x x_i.
 
     The initial weights are Glorot's over the joint matrix for the largest input; those of the
-    other inputs are larger, so that each input starts with an equal share of the output's
-    variance. Otherwise three coordinates would be lost beside a hundred features.
+    other inputs are larger: each input initially has an equal share of the output's variance.
+    Otherwise a hundred features would dominate three coordinates.
 
     Args:
         inputs: number of channels of each input, by name.

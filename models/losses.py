@@ -1,7 +1,7 @@
 """The losses of section III.5, equations (1) to (5): one function per term.
 
 Every function returns a scalar float32: a mean over the weighted points of the local batch,
-divided by `normalizer` where one is given, so that shards of a joint batch add up to its loss.
+divided by `normalizer` where one is given: the shards of a joint batch add up to its loss.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def huber(error: tf.Tensor, delta: float = 1.0) -> tf.Tensor:
 
 
 def weighted_mean(values: tf.Tensor, weights: tf.Tensor, normalizer: tf.Tensor) -> tf.Tensor:
-    """sum(values * weights) / normalizer; 0 where there is nothing to weigh."""
+    """sum(values * weights) / normalizer; 0 without weights."""
     return tf.math.divide_no_nan(tf.reduce_sum(values * weights), normalizer)
 
 

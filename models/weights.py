@@ -1,4 +1,4 @@
-"""Loads the networks from checkpoints: configuration, weights, and that the two belong together."""
+"""Loads the networks from checkpoints: configuration, weights, and their consistency."""
 
 from __future__ import annotations
 

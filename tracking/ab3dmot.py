@@ -1,7 +1,7 @@
 """AB3DMOT (Weng et al., IROS 2020): 3-D Kalman filter, Hungarian assignment, birth and death.
 
-Section and module names are the paper's. The published results for PointRCNN cars were made with
-GIoU in place of IoU and with the sensor's own motion taken out, so that is the default here.
+Section and module names are the paper's. The defaults are those of the published results for
+PointRCNN cars: GIoU instead of IoU, and compensation of the sensor's motion.
 """
 
 from __future__ import annotations

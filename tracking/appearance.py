@@ -1,7 +1,7 @@
 """Appearance vectors for DEEP_SORT: a geometric one from the points in a box, and its gallery.
 
-The box's own size is left out on purpose: KITTI's labels give an object the same size in every
-frame, so with ground-truth boxes it would be the identity itself.
+The size of the box is not a feature: KITTI's labels have one size per object, so with ground-truth
+boxes it would reveal the identity.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def geometric_appearance(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     Returns:
         (M, 27) float64, each row of unit length: shares of the points in 8 slices along the box's
         length, width and height, then the points' extents along them. A box without points has a
-        row of zeros, which means "not available".
+        row of zeros.
     """
     rows = [_shape_of(points, box) for box in np.asarray(boxes, np.float64)]
     return np.array(rows).reshape(-1, 3 * BINS + 3)
@@ -57,12 +57,12 @@ class Gallery:
         self.vectors: deque[np.ndarray] = deque(maxlen=budget)
 
     def add(self, vector: np.ndarray) -> None:
-        """Keeps a vector (C,) of unit length; a zero vector is none and is not kept."""
+        """Keeps a vector (C,) of unit length; ignores a zero vector."""
         if vector.any():
             self.vectors.append(vector)
 
     def distances(self, vectors: np.ndarray) -> np.ndarray:
-        """Least cosine distance of each (M, C) to the gallery: (M,), NaN where either has none."""
+        """Least cosine distance of each (M, C) to the gallery: (M,), NaN without vectors."""
         if not self.vectors:
             return np.full(len(vectors), np.nan)
         distance = 1.0 - (np.array(self.vectors) @ vectors.T).max(axis=0)

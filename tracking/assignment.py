@@ -1,6 +1,6 @@
 """One-to-one assignment of tracks (rows) and detections (columns), with a gate.
 
-A pair beyond the gate is never made, and both its ends are returned as unmatched.
+Rows and columns of a pair beyond the gate stay unmatched.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-EPSILON = 1e-5  # as in DEEP_SORT: a pair beyond the gate is a little dearer than any within
+EPSILON = 1e-5  # as in DEEP_SORT: extra cost of a pair beyond the gate
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ def _matching(pairs, shape: tuple[int, int]) -> Matching:
 def hungarian(cost: np.ndarray, max_cost: float) -> Matching:
     """The assignment of least total cost (Kuhn 1955), where a pair left unmatched costs `max_cost`.
 
-    Pairs that cost more than `max_cost` (infinity is allowed, NaN is not) are never made, and how
-    far beyond it they lie has no influence on the others.
+    Pairs that cost more than `max_cost` (infinity is allowed, NaN is not) are excluded; the amount
+    beyond it has no influence on the others.
     """
     if cost.size == 0:
         return _matching([], cost.shape)

@@ -18,18 +18,18 @@ from tracking.frame_detections import FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.life_cycle import LifeCycle, Track
 
-FOREGROUND = 0.5  # probability from which the mask calls a point foreground
+FOREGROUND = 0.5  # least probability of a foreground point
 
 
 @dataclass(frozen=True)
 class AssociationParameters:
-    """Parameters of Algorithm 1; the paper names only tau, without a value: all values are ours.
+    """Parameters of Algorithm 1; the paper names tau alone, without a value: all values are ours.
 
     Chosen on training sequences, see the tables in README.md of this folder.
     """
 
     tau: float = 0.01  # least IoU of a match; less is better the noisier the displacement
-    max_age: int = 5  # frames a lost object is kept: "short term disappearance" (section IV.E)
+    max_age: int = 5  # frames that a lost object is kept: "short term disappearance" (section IV.E)
     min_hits: int = 1  # detections before a trajectory is reported; Algorithm 1 has no probation
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
     report_lost: bool = False  # report the moved box of a lost object; costs 6 % MOTA
@@ -52,7 +52,7 @@ class AssociationToTrajectory:
         self.life = LifeCycle()
 
     def predict(self) -> None:
-        """Starts the frame; the boxes move in `update`, which brings the displacement."""
+        """Starts the frame; the boxes move in `update`, which receives the displacement."""
         self.life.begin_frame()
 
     def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
@@ -79,7 +79,7 @@ class AssociationToTrajectory:
         return self.life.report(self._is_shown, lambda track: track.state.box)
 
     def label_ids(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
-        """(M,) label ids of the detections; -1, as the predicted displacement needs none."""
+        """(M,) label ids of the detections: -1, since the predicted displacement needs none."""
         return np.full(len(detections), -1)
 
     def box_displacement(
@@ -94,7 +94,7 @@ class AssociationToTrajectory:
     def _move(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
         """Lines 6-8 for every box of t-1; returns (T, 7).
 
-        A box without a kept point (or of unknown displacement) moves as it did last.
+        A box without a kept point (or of unknown displacement) repeats its last displacement.
         """
         states = [track.state for track in self.life.tracks]
         boxes = np.array([state.box for state in states]).reshape(-1, 7)
@@ -129,7 +129,7 @@ class AssociationByLabels(AssociationToTrajectory):
     def box_displacement(
         self, boxes: np.ndarray, detections: FrameDetections, context: FrameContext
     ) -> np.ndarray:
-        """(T, 3) metres, the motion of the labels that the boxes of t-1 were; NaN where unknown."""
+        """(T, 3) metres, the motion of the labels of the boxes of t-1; NaN where unknown."""
         if context.label_motion is None:
             return np.full((len(boxes), 3), np.nan)
         ids = np.array([track.state.label_id for track in self.life.tracks], np.int64)
@@ -144,9 +144,9 @@ def mean_displacement(
 ) -> np.ndarray:
     """Mean displacement of the points in each box (Algorithm 1, lines 6-7).
 
-    The probability filter keeps N' points of which most are background, the ground within a box
-    among them; their displacement is trained towards 0 and would slow every box down. So only
-    points that the mask calls foreground count, unless a box holds none of them.
+    Most of the N' kept points are background, such as the ground within a box; their displacement
+    is trained towards 0 and would bias the mean. Only points of the foreground mask therefore
+    count, unless a box has none.
 
     Args:
         points: (n, >=3) points of frame t-1, level frame; displacement: (n, 3), metres.

@@ -1,8 +1,8 @@
 """DEEP_SORT (Wojke et al., ICIP 2017), on 3-D boxes of the level frame.
 
-A confirmed track is matched in a cascade, the most recently seen first: gated by the Mahalanobis
+Confirmed tracks are matched in a cascade, the most recently matched first: gated by the Mahalanobis
 distance of the Kalman filter, ranked by the cosine distance of appearance vectors. The rest is
-matched by IoU, as in SORT. Without appearance vectors the Mahalanobis distance ranks as well.
+matched by IoU, as in SORT. Without appearance vectors the Mahalanobis distance is also the rank.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from tracking.life_cycle import LifeCycle, Track
 def noise_of_scale(scale: float) -> Noise:
     """Noise of `scale` metres in the box, and in proportion in the other parts.
 
-    A new track's box has twice the deviation of a measurement, as in its authors' code; velocities
-    have 5/2 of it at first and 1/4 of it in each frame, twice their authors' proportions.
+    The box of a new track has twice the deviation of a measurement, as in the authors' code; the
+    velocity has 5/2 of it initially and 1/4 of it in each frame, twice the authors' proportions.
     """
     return Noise(
         initial_box=2 * scale,
@@ -125,7 +125,7 @@ class DeepSort:
         return np.where((motion <= 1.0) & (cost <= 1.0), cost, np.inf)
 
     def _by_iou(self, boxes, free: set[int], matched: set[int]) -> list[tuple[Track, int]]:
-        """IoU for tentative tracks and those missed in this frame alone; takes from `free`."""
+        """Matches tentative tracks and those missed in this frame alone by IoU; updates `free`."""
         tracks = [
             track
             for track in self.life.tracks

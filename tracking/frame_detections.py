@@ -1,4 +1,4 @@
-"""The detections of one frame: all that travels from networks, labels and files to the trackers.
+"""The detections of one frame, the input of the trackers from networks, labels and files.
 
 Letters: M detected boxes, n points, C channels of an appearance vector.
 """
@@ -27,7 +27,7 @@ class FrameDetections:
         displacement: (n, 3) float64 predicted movement of `points` to frame t, metres.
         foreground: (n,) float64 foreground probability of `points`; None becomes 1 everywhere.
         appearance: (M, C) float64, a row of zeros for a box without one; None if unknown.
-        label_ids: (M,) int64 track ids of the labels the boxes are; None if they are not labels.
+        label_ids: (M,) int64 track ids of labelled boxes; None for detected ones.
 
     Raises:
         InputError: wrong shapes, NaN or infinity, or a box whose size is not positive.

@@ -1,4 +1,4 @@
-"""The interface of all trackers, and the step that every tracking loop is made of.
+"""The interface of all trackers, and the step of every tracking loop.
 
 Letters: M detected boxes of this frame, T tracks, n points.
 """
@@ -40,7 +40,7 @@ class Tracks:
 class FrameContext:
     """Data about frame t other than its detections; this base class has none.
 
-    A subclass may compute them on access, since each tracker reads only those of its method.
+    Subclasses may compute them on access: each tracker reads those of its method alone.
 
     Attributes:
         ego_motion: (4, 4), takes level-frame coordinates of t-1 to those of t (AB3DMOT).
@@ -63,13 +63,13 @@ class MultiObjectTracker(Protocol):
     """A tracker of one sequence; for each frame in turn `predict()`, then `update(...)`."""
 
     def predict(self) -> None:
-        """Carries the tracks from frame t-1 to frame t, before frame t is seen."""
+        """Predicts the tracks in frame t from those in frame t-1."""
 
     def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
         """Associates the detections of frame t with the tracks.
 
         Raises:
-            InputError: the context lacks data that the method cannot do without.
+            InputError: the context lacks data that the method needs.
         """
 
 

@@ -58,9 +58,9 @@ def _wrap(angle: float) -> float:
 def correct_orientation(yaw: float, measured: float) -> tuple[float, float]:
     """Orientation correction (AB3DMOT, section III.D).
 
-    A detector often takes a car's back for its front: if the two headings differ by more than
-    90 degrees, the track's is turned by 180 degrees. Returns the track's yaw in [-pi, pi) and the
-    measured one unwrapped to within 90 degrees of it.
+    Detectors often confuse the front and the back of a car: if the two headings differ by more than
+    90 degrees, the track's is rotated by 180 degrees. Returns the track's yaw in [-pi, pi) and the
+    measured yaw, unwrapped to within 90 degrees of it.
     """
     if abs(_wrap(measured - yaw)) > np.pi / 2:
         yaw += np.pi
@@ -69,7 +69,7 @@ def correct_orientation(yaw: float, measured: float) -> tuple[float, float]:
 
 
 class KalmanBox:
-    """One object's box and velocity; filterpy does the arithmetic."""
+    """Box and velocity of one object, filtered by filterpy."""
 
     def __init__(self, box: np.ndarray, noise: Noise):
         from filterpy.kalman import KalmanFilter  # slow to import; only the baselines filter
@@ -89,11 +89,11 @@ class KalmanBox:
         return box
 
     def predict(self) -> None:
-        """One frame on, with constant velocity."""
+        """Predicts the next frame, with constant velocity."""
         self.kalman.predict()
 
     def update(self, box: np.ndarray) -> None:
-        """Takes in a measured box (7,)."""
+        """Updates the state with a measured box (7,)."""
         measured = np.array(box, np.float64)
         yaw, measured[YAW] = correct_orientation(self.kalman.x[YAW, 0], measured[YAW])
         self.kalman.x[YAW, 0] = yaw

@@ -44,13 +44,13 @@ class KalmanImage:
         return np.array([u - width / 2, v - height / 2, u + width / 2, v + height / 2])
 
     def predict(self) -> None:
-        """One frame on; an area about to vanish stops shrinking."""
+        """Predicts the next frame; the area does not shrink below 0."""
         if self.kalman.x[2, 0] + self.kalman.x[6, 0] <= 0:
             self.kalman.x[6, 0] = 0.0
         self.kalman.predict()
 
     def update(self, box: np.ndarray) -> None:
-        """Takes in a measured box (4,)."""
+        """Updates the state with a measured box (4,)."""
         self.kalman.update(_measure(box))
 
 

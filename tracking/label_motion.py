@@ -9,6 +9,8 @@ import numpy as np
 from kitti.iou import iou_3d
 from tracking.assignment import greedy
 
+MIN_IOU = 0.25  # 3-D, of a detection with its label; the loosest of AB3DMOT's evaluation
+
 
 @dataclass(frozen=True)
 class LabelMotion:
@@ -43,18 +45,17 @@ def _centres(boxes: np.ndarray, ids: np.ndarray) -> dict[int, np.ndarray]:
 
 
 def assign_label_ids(
-    boxes: np.ndarray, label_boxes: np.ndarray, label_ids: np.ndarray, min_iou: float = 0.25
+    boxes: np.ndarray, label_boxes: np.ndarray, label_ids: np.ndarray
 ) -> np.ndarray:
     """Label id of each detected box: that of the label it overlaps most, one-to-one.
 
     Args:
         boxes: (M, 7) detections; label_boxes (K, 7) and label_ids (K,) of the same frame.
-        min_iou: least 3-D IoU of a detection with its label; 0.25 is AB3DMOT's loosest.
 
     Returns:
         (M,) int64, -1 for a detection without a label.
     """
     ids = np.full(len(boxes), -1, np.int64)
-    pairs = greedy(-iou_3d(boxes, label_boxes), -min_iou).pairs
+    pairs = greedy(-iou_3d(boxes, label_boxes), -MIN_IOU).pairs
     ids[pairs[:, 0]] = np.asarray(label_ids)[pairs[:, 1]]
     return ids

@@ -1,4 +1,4 @@
-"""Birth, hits, misses and death of tracks; one small book-keeper shared by all trackers."""
+"""Birth, hits, misses and death of tracks, shared by all trackers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Track:
         hits: detections matched so far, the first one included.
         hit_streak: matches in a row, up to and including the last one; birth is not a match.
         time_since_update: frames since the last match; 0 if matched in this frame.
-        confirmed: whether it has passed the tracker's probation (set by the tracker).
+        confirmed: True after the probation (set by the tracker).
     """
 
     id: int
@@ -70,13 +70,13 @@ class LifeCycle:
         track.detection = int(row)
 
     def drop(self, is_dead: Callable[[Track], bool]) -> None:
-        """Removes the tracks for which `is_dead` holds; their ids are not used again."""
+        """Removes the tracks for which `is_dead` holds; their ids are not reused."""
         self.tracks = [track for track in self.tracks if not is_dead(track)]
 
     def report(
         self, is_shown: Callable[[Track], bool], box_of: Callable[[Track], np.ndarray]
     ) -> Tracks:
-        """The tracks for which `is_shown` holds, with the boxes `box_of` gives them."""
+        """The tracks for which `is_shown` holds, with boxes by `box_of`."""
         shown = [track for track in self.tracks if is_shown(track)]
         return Tracks(
             boxes=np.array([box_of(track) for track in shown]).reshape(-1, BOX_SIZE),

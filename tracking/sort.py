@@ -1,8 +1,8 @@
 """SORT (Bewley et al., ICIP 2016), on 3-D boxes of the level frame or on their image boxes.
 
 Constant-velocity Kalman filter, Hungarian assignment on the IoU with the predicted boxes, and a
-short probation; no appearance, no motion of the sensor. PointTrackNet's paper does not specify in
-which space it ran SORT: `sort` works in the level frame, `sort_image` in the image.
+short probation; no appearance, no motion of the sensor. PointTrackNet's paper does not specify the
+space of SORT: `sort` uses boxes of the level frame, `sort_image` boxes in the image.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Sort(KalmanTracker):
         return self.life.report(self._is_shown, lambda track: detections.boxes[track.detection])
 
     def _measured(self, boxes: np.ndarray, context: FrameContext) -> tuple[np.ndarray, np.ndarray]:
-        """Boxes in the space of the filter, and the rows of `boxes` they come from."""
+        """Boxes in the space of the filter, and their rows in `boxes`."""
         if self.parameters.space == "level":
             return boxes, np.arange(len(boxes))
         image_boxes = np.asarray(context.image_boxes(boxes), np.float64)
@@ -67,7 +67,7 @@ class Sort(KalmanTracker):
         return image_boxes[rows], rows
 
     def _is_shown(self, track: Track) -> bool:
-        """A settled track that was seen in this frame; in the first frames, any."""
+        """True for a settled track matched in this frame; in the first frames for any match."""
         settled = track.hit_streak >= self.parameters.min_hits
         early = self.life.frame_count <= self.parameters.min_hits
         return track.detection >= 0 and (settled or early)

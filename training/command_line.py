@@ -1,4 +1,4 @@
-"""Shared by train_det.py and train_track.py: flags, smoke run, the call of the loop."""
+"""Flags, smoke run and call of the loop, shared by train_det.py and train_track.py."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def parser(description: str, config) -> ArgumentParser:
     result = ArgumentParser(description=description)
     add = result.add_argument
     add_data_flags(result)
-    add("--workdir", required=True, metavar="DIR", help="checkpoints, history and logs go here")
+    add("--workdir", required=True, metavar="DIR", help="folder for checkpoints, history and logs")
     add("--resume", action="store_true", help="continue the training in --workdir")
     add("--init", metavar="CHECKPOINT", help="start from the network in this checkpoint")
     add("--strategy", default="one", choices=STRATEGIES, help="of tf.distribute")
@@ -34,8 +34,8 @@ def parser(description: str, config) -> ArgumentParser:
         default=0,
         help="processes that make samples, for machines with a GPU; 0: threads of this process",
     )
-    add("--deterministic", action="store_true", help="the same bits in every run")
-    add("--smoke", action="store_true", help="a few steps on little data, to see that it runs")
+    add("--deterministic", action="store_true", help="bitwise reproducible runs")
+    add("--smoke", action="store_true", help="short test run: a few steps on little data")
     add_flags(result, config)
     return result
 

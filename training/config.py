@@ -37,7 +37,7 @@ class AugmentationConfig:
     object_shift_share: float = note(0.6, "share of the samples whose objects are shifted", 0, 1)
     pasted_objects: int = note(
         0,
-        "objects of other training scans that are put into a sample of the detector (SECOND)",
+        "objects of other training scans that are pasted into a sample of the detector (SECOND)",
         0,
         100,
     )
@@ -69,11 +69,11 @@ class ScheduleConfig:
         1,
     )
     clip_norm: float = note(
-        10.0, "global norm of the gradients; our choice, keeps a bad batch out", MIN_STEP, 1e6
+        10.0, "largest global norm of the gradients; our choice", MIN_STEP, 1e6
     )
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
-    keep_checkpoints: int = note(3, "number of the last checkpoints kept beside the best", 1)
-    validation_frames: int = note(64, "samples looked at after each epoch; 0: all")
+    keep_checkpoints: int = note(3, "number of last checkpoints that are kept besides the best", 1)
+    validation_frames: int = note(64, "samples of a validation after each epoch; 0: all")
     seed: int = note(0, "of initial weights, order, sampling and augmentation", 0, 2**32 - 1)
 
     def __post_init__(self):

@@ -89,9 +89,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Checks that the networks belong together, then writes them."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     add = parser.add_argument
-    what = "a checkpoint, or a training's workdir (its last checkpoint)"
-    add("--detector", type=Path, required=True, metavar="PATH", help=what)
-    add("--tracker", type=Path, metavar="PATH", help=what)
+    text = "a checkpoint, or a training's workdir (its last checkpoint)"
+    add("--detector", type=Path, required=True, metavar="PATH", help=text)
+    add("--tracker", type=Path, metavar="PATH", help=text)
     add("--out", type=Path, default=Path("weights"), metavar="DIR")
     flags = parser.parse_args(argv)
     path = checkpoint_of(flags.detector)

@@ -1,10 +1,10 @@
-"""Makes the weights that ship, from nothing: simulate, train both networks, export.
+"""Makes the shipped weights from scratch: simulates, trains both networks, exports.
 
     python -m training.recipe --workdir runs/recipe --out weights --labels KITTI --scans KITTI
 
 Every number is in training/recipe.json. Each stage is a command of this project; finished stages
-are skipped and an interrupted one resumes. Without --labels the simulator's own traffic is the only
-traffic, without --scans no real scan is used.
+are skipped and an interrupted one resumes. Without --labels all
+traffic is the simulator's own; without --scans no real scan is used.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Stage:
 
 
 def stages_of(recipe: dict[str, Any], values: dict[str, str]) -> list[Stage]:
-    """The stages of a recipe whose needs are among the keys of `values`, filled in with them."""
+    """The stages of a recipe whose needs are keys of `values`, with `values` filled in."""
 
     def fill(text: str) -> str:
         return text.format_map(values)
@@ -84,7 +84,7 @@ def run_stage(stage: Stage) -> None:
     """Runs the command in the project's root, its output on this terminal.
 
     Raises:
-        InputError: it failed; its own message is above.
+        InputError: the command failed and printed its own message.
     """
     arguments = stage.arguments()
     print("$ python " + shlex.join(arguments), flush=True)

@@ -68,7 +68,7 @@ def resume_run(run: TrainingRun, folder: CheckpointFolder) -> int:
 
 
 def _sampled(record: dict) -> tuple:
-    """Numbers of the training sequences and the shares of a record; roots may have moved."""
+    """Numbers of the training sequences and the shares of a record; roots may differ."""
     data = record.get("data") or {}
     pools = ((pool["share"], pool["sequences"]) for pool in data.get("shares", ()))
     return (

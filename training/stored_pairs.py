@@ -1,7 +1,7 @@
-"""Training pairs after the frozen detector, on disk, for trackers that train on the same ones.
+"""Outputs of the frozen detector for training pairs, stored on disk and shared by several trackers.
 
 Scans, augmentation and the detector's pass do not depend on the tracker. A pair has one file for
-each row of Table IV, because each takes other points and features; features are kept as float16.
+each row of Table IV, because each uses other points and features; features are kept as float16.
 """
 
 from __future__ import annotations
@@ -95,5 +95,5 @@ class StoredPairsTask(TrackerTask):
         return both_frames(sample)
 
     def detect(self, batch: KeptBatch) -> KeptBatch:
-        """The batch itself: the detector has seen it."""
+        """The batch itself, which already holds the detector's outputs."""
         return batch

@@ -44,7 +44,7 @@ def _devices() -> list[str] | None:
 
 
 def seed_everything(seed: int, deterministic: bool) -> None:
-    """Seeds initial weights; `deterministic` also makes every op give the same bits each time."""
+    """Seeds initial weights; `deterministic` also selects deterministic ops."""
     keras.utils.set_random_seed(seed)
     if deterministic:
         tf.config.experimental.enable_op_determinism()

@@ -61,7 +61,7 @@ class TrainingRun:
         return {**self.networks, "optimizer": self._optimizer_state()}
 
     def _optimizer_state(self) -> checkpoint.Variables:
-        """Adam's variables, its moments named by the path of the variable they belong to."""
+        """Adam's variables; moments are named by the path of their variable."""
         paths = {
             id(v): f"{group}/{name}"
             for group, variables in self.networks.items()

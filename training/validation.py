@@ -11,7 +11,7 @@ from training.training_run import TrainingRun
 
 
 def validate(run: TrainingRun) -> dict[str, float]:
-    """Validation metrics: the mean over data roots, and those of each where there are several."""
+    """Validation metrics: means over data roots, and with several roots those of each."""
     by_root: dict[str, list[int]] = {}
     for index, root in enumerate(run.task.validation_samples.roots):
         by_root.setdefault(root, []).append(index)

@@ -1,1 +1,1 @@
-"""The pictures: one file per figure, all functions of arrays; no TensorFlow but in views.py."""
+"""Pictures and 3-D scenes: one file per figure, functions of arrays; views.py uses TensorFlow."""

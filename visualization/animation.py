@@ -1,4 +1,4 @@
-"""A sequence from above with ids, as a GIF (Pillow, so no system package is needed)."""
+"""A sequence from above with ids, as a GIF by Pillow."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from visualization.drawing import id_color
 SIZE = (6.4, 6.1)  # inches, 100 pixels each
 TRAIL = 20  # frames
 COLORS = 96  # of the GIF's palette
-FRAME_MS = 100  # the scanner's own pace
+FRAME_MS = 100  # one turn of the scanner
 MAX_FRAMES = 100  # by default
 
 
@@ -54,9 +54,9 @@ def animate(
 
 
 def _image(canvas: FigureCanvasAgg) -> Image.Image:
-    """The image on the canvas, with few colours."""
+    """The image on the canvas, with a small palette."""
     canvas.draw()
-    canvas.figure.set_layout_engine("none")  # laid out once; doing it again takes most time
+    canvas.figure.set_layout_engine("none")  # the layout is computed once, since it is slow
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]
     return Image.fromarray(np.ascontiguousarray(pixels)).quantize(
         COLORS, method=Image.Quantize.MAXCOVERAGE

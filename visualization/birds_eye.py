@@ -27,13 +27,12 @@ TRAIL = 30  # frames: 3 s
 class BirdsEye:
     """A figure whose contents change from frame to frame.
 
-    Where poses are known the sensor's own motion is taken out of the trails, so that parked cars
-    stand still.
+    Where poses are known the trails exclude the sensor's motion: parked cars stand still.
 
     Args:
         clip: scans, tracks and labels.
         color: of the tracks: one, or a function of the id.
-        trail: frames that a trail goes back.
+        trail: length of a trail in frames.
         size: width and height in inches.
     """
 
@@ -52,7 +51,7 @@ class BirdsEye:
         legend_below(self.figure, self._handles())
 
     def draw(self, t: int, title: str = "") -> Figure:
-        """Shows frame t in place of the last one; returns the figure."""
+        """Replaces the contents by frame t; returns the figure."""
         for artist in self._passing:
             artist.remove()
         clip, panel = self.clip, self.panel
@@ -87,7 +86,7 @@ class BirdsEye:
 
 
 def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
-    """Frame t with boxes and the way they came in the last 3 s."""
+    """Frame t with boxes and their trails of the last 3 s."""
     return BirdsEye(clip).draw(t, title)
 
 

@@ -1,4 +1,4 @@
-"""Input of the pictures: consecutive scans with tracks, and labels where there are any."""
+"""Input of the pictures: consecutive scans with tracks and optional labels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kitti.labels import VEHICLES, Objects
+from kitti.objects import VEHICLES, Objects
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Clip:
         num_frames: frames are 0 ... num_frames - 1.
         points: scan of a frame, (n, >=3) level frame, or None where it is missing.
         results: the tracks.
-        truth: labelled vehicles; no rows where nothing is known.
+        truth: labelled vehicles; no rows without labels.
         poses: (F, 4, 4) level frame of frame t -> of frame 0, or None where unknown.
     """
 

@@ -18,9 +18,9 @@ from kitti.boxes import box_corners
 
 TRUTH, FOUND, POINTS = "tab:green", "tab:blue", "0.6"
 TEXT = 11  # points, in figures of about 7 inches: readable where a picture is as wide as a phone
-_GOLDEN = 0.618034  # of a turn: hues that follow each other are far apart, and none comes back
+_GOLDEN = 0.618034  # of a turn: consecutive hues are far apart and never repeat
 ON_WHITE = (0.40, 0.25, 0.46, 0.33)
-"""HLS lightness of ids that follow each other."""
+"""HLS lightness of consecutive ids."""
 EDGES = ((0, 1, 2, 3, 0, 4, 5, 6, 7, 4), (1, 5), (2, 6), (3, 7))
 """Strokes through the corners of a box (see `kitti.boxes.box_corners`)."""
 
@@ -34,7 +34,7 @@ def id_color(track_id: int, lightness: tuple[float, ...] = ON_WHITE) -> str:
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 130) -> Path:
-    """Writes the figure as its suffix says (PNG, PDF, SVG), atomically."""
+    """Writes the figure in the format of the suffix (PNG, PDF, SVG), atomically."""
     path = Path(path)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=dpi)
@@ -42,7 +42,7 @@ def save(figure: Figure, path: str | Path, dpi: int = 130) -> Path:
 
 
 def birds_eye_axes(panel, x_range=(0.0, 72.0), y_range=(-30.0, 30.0)) -> None:
-    """x forward to the right, y left upwards, metres, equal scale."""
+    """Sets the axes: x forward to the right, y left upwards, metres, equal scale."""
     panel.set_aspect("equal")
     panel.set_xlim(*x_range)
     panel.set_ylim(*y_range)
@@ -51,7 +51,7 @@ def birds_eye_axes(panel, x_range=(0.0, 72.0), y_range=(-30.0, 30.0)) -> None:
 
 
 def label(panel, *place_and_text, color, **style) -> Text:
-    """Text with a white rim, so that it can be read over points and lines; returns it."""
+    """Draws text with a white rim, legible over points and lines; returns it."""
     rim = [withStroke(linewidth=2.5, foreground="white")]
     return panel.text(
         *place_and_text, color=color, fontsize=TEXT, clip_on=True, path_effects=rim, **style
@@ -59,7 +59,7 @@ def label(panel, *place_and_text, color, **style) -> Text:
 
 
 def legend_below(figure: Figure, handles: list) -> None:
-    """One legend under all panels, where it hides nothing."""
+    """Draws one legend below all panels."""
     figure.legend(
         handles=handles, loc="outside lower center", ncols=2, fontsize=TEXT, frameon=False
     )
@@ -76,7 +76,7 @@ def line_handle(color: str, text: str, **style) -> Line2D:
 
 
 def draw_points(panel, points: np.ndarray, color=POINTS, size: float = 0.4, **style) -> Line2D:
-    """Points (n, >=2) from above."""
+    """Draws points (n, >=2) from above."""
     x, y = points[:, 0], points[:, 1]
     return panel.plot(x, y, ".", color=color, markersize=size, zorder=1, **style)[0]
 
@@ -89,14 +89,14 @@ def outlines(boxes: np.ndarray) -> np.ndarray:
 
 
 def draw_boxes(panel, boxes: np.ndarray, color, **style) -> LineCollection:
-    """Boxes (M, 7) from above; `color` is one colour or M of them."""
+    """Draws boxes (M, 7) from above; `color` is one colour or M of them."""
     lines = LineCollection(list(outlines(boxes)), colors=color, **style)
     panel.add_collection(lines)
     return lines
 
 
 def draw_trails(panel, trails: dict[int, np.ndarray], color, **style) -> LineCollection:
-    """Lines through centres (k, 3) from above; `color` is one colour or a function of the id."""
+    """Draws lines through centres (k, 3) from above; `color` may be a function of the id."""
     colors = [color(i) for i in trails] if callable(color) else color
     lines = LineCollection([trail[:, :2] for trail in trails.values()], colors=colors, **style)
     panel.add_collection(lines)

@@ -1,4 +1,4 @@
-"""All pictures of the demo: which scene, which frame, which file, which words below."""
+"""All pictures of the demo with their frames, files and captions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.progress import Progress
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.animation import animate, animated_frames
 from visualization.association import association
 from visualization.birds_eye import birds_eye
@@ -51,7 +51,7 @@ def pictures(folder: str | Path) -> list[Picture]:
 
 
 def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> None:
-    """Fig. 1, Fig. 6 and the animation.
+    """Draws Fig. 1, Fig. 6 and the animation.
 
     clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips.
     """
@@ -76,9 +76,9 @@ def draw_unlabelled(
     max_frames: int = 100,
     seen: ScenePoints | None = None,
 ) -> list[Path]:
-    """Fig. 1 and Fig. 6 at the last of the frames first ... last, animation and scene, no truth.
+    """Draws Fig. 1 and Fig. 6 at frame `last`, animation and scene of frames first ... last.
 
-    results, points: as in `Clip`, frames counted as the files are; max_frames: as in `animate`;
+    results, points: as in `Clip`, with the frame numbers of the files; max_frames: as in `animate`;
     seen: the points of the scene, by default those of the pictures. Returns the files written.
     """
     shifted = replace(results, frame=results.frame - first)
@@ -105,7 +105,7 @@ def draw_scene(
     weights: Path | None = None,
     **options: Any,
 ) -> Path:
-    """The drive in 3-D as an HTML file; `options` are those of `visualization.scene.scene_data`.
+    """Writes the drive in 3-D as HTML; `options` are those of `visualization.scene.scene_data`.
 
     weights: of the detector whose foreground probability colours the points; None for intensity.
     """
@@ -126,7 +126,7 @@ def draw_network(
     frame: int | None = None,
     scene_path: Path | None = None,
 ) -> dict[str, float]:
-    """Fig. 3 and Fig. 4 at a frame, by default the busiest, and both as a scene to turn.
+    """Draws Fig. 3 and Fig. 4 at a frame, by default the busiest, and both as a 3-D scene.
 
     Returns shares of sampled points that lie on vehicles, by layer and kind of sampling. Raises
     InputError where the frame or the one before it has no scan.

@@ -1,4 +1,4 @@
-"""Inner outputs of the networks in one frame, as data of the 3-D scene (Figures 3 and 4)."""
+"""Intermediate outputs of the networks in one frame, as data of the 3-D scene (Figures 3 and 4)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.association import Neighborhood
 from visualization.clip import Clip
 from visualization.sampling import Samplings
 from visualization.scene import pack, scene_data
 from visualization.scene_points import FOREGROUND, thin
 
-ARROWS = 300  # at most; more of them hide each other
+ARROWS = 300  # at most; more would hide each other
 MIN_FOREGROUND = 0.5  # probability of a point whose association displacement is drawn
 REACH = 3.0  # metres from the centre of a detection to those of its proposals
 EARLIER, FILTERED, PLAIN = (255, 106, 106), (92, 230, 140), (255, 92, 160)  # RGB
@@ -26,7 +26,7 @@ class NetworkFrame:
 
     Attributes:
         t: the frame.
-        points: (N, 4) the points that the detector saw, and their foreground probability.
+        points: (N, 4) input points of the detector, and their foreground probability.
         detections: its boxes, frame 0 in the rows, ids by score.
         proposals, proposal_scores: (P, 7) boxes of single points and (P,) their probabilities.
         earlier: (K, 3) the points of frame t-1 that the tracker keeps.

@@ -1,4 +1,4 @@
-"""One HTML page with a table and flat pictures inside, and links to scenes beside it."""
+"""One HTML page with a table, embedded pictures, and links to scenes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def page(
     Args:
         title: of the page; notes: paragraphs above and below the table (the first goes above).
         header, rows: the table; a row is (class, cells), the class "ours", "paper" or "".
-        pictures: PNG and GIF files, which are put into the page.
+        pictures: PNG and GIF files, which are embedded.
         scenes: name of a file in the folder of the page -> its caption.
     """
     return render(

@@ -1,4 +1,4 @@
-"""The drive as a recording of the Rerun viewer; needs the package rerun-sdk, and only here."""
+"""The drive as a recording of the Rerun viewer; needs the package rerun-sdk."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.files import atomic_path
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.clip import Clip
 from visualization.drawing import id_color
 from visualization.scene import ID_LIGHTNESS, PERIOD
@@ -29,7 +29,7 @@ def load_rerun():
 def write_recording(path: str | Path, clip: Clip, trackers: Mapping[str, Objects]) -> Path:
     """Writes points, labels and tracks of every frame to a .rrd file, in the level frame.
 
-    Where poses are known the entity `world/sensor` carries them.
+    Where poses are known they are those of the entity `world/sensor`.
     """
     rr = load_rerun()
     with atomic_path(path) as temporary:

@@ -20,7 +20,7 @@ from visualization.drawing import (
 )
 
 FILTERED_COLOR, PLAIN_COLOR = "tab:green", "tab:red"
-X_RANGE, Y_RANGE = (0.0, 66.0), (-22.0, 22.0)  # metres; what lies outside is left out
+X_RANGE, Y_RANGE = (0.0, 66.0), (-22.0, 22.0)  # metres shown
 
 
 class Samplings(NamedTuple):

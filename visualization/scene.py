@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from kitti.iou import iou_3d
-from kitti.labels import VEHICLES, Objects
+from kitti.objects import VEHICLES, Objects
 from metrics.clear3d import row_errors
 from metrics.comparison import compare
 from visualization.clip import Clip
@@ -25,7 +25,7 @@ ID_LIGHTNESS = (0.66, 0.56, 0.74, 0.61)  # bright, for the dark background
 
 
 def pack(values: Any, dtype: str) -> dict[str, str]:
-    """An array as the page decodes it: {"type", "data" in base64, little-endian}."""
+    """Encodes an array for the page: {"type", "data" in base64, little-endian}."""
     data = np.ascontiguousarray(values, np.dtype(dtype).newbyteorder("<")).tobytes()
     return {"type": dtype, "data": base64.b64encode(data).decode("ascii")}
 
@@ -61,7 +61,7 @@ def speeds(objects: Objects, poses: np.ndarray | None) -> np.ndarray:
 def errors_of(
     truth: Objects, results: Objects, num_frames: int, min_iou: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The errors that evaluate.py's `clear3d` counts: (R,) bool misses, (S,) int8 of results.
+    """Errors as counted by `clear3d` of evaluate.py: (R,) bool misses, (S,) int8 of results.
 
     A result is MATCHED, a FALSE_ALARM, a SWITCH, or NOT_EVALUATED (another class, or no labels).
     """

@@ -1,6 +1,6 @@
 """The scene as one HTML file that opens from disk: deck.gl, styles, scripts and data inside.
 
-deck.gl comes from the package pydeck, which ships it for use without network.
+The package pydeck contains deck.gl for offline use.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SCRIPTS = ("data.js", "dots.js", "layers.js", "network.js", "view.js", "timeline
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-"""Content security policy: a browser loads nothing but the file itself."""
+"""Content security policy: a browser loads no other file."""
 
 
 def write_scene(path: str | Path, title: str, scene: dict[str, Any]) -> Path:
@@ -54,7 +54,7 @@ def render(template: str, **values: Any) -> str:
 
 @cache
 def deck_gl() -> str:
-    """The library's script, which defines `deck`; it names no other file."""
+    """The library's script, which defines `deck`, without reference to a source map."""
     bundle = resources.files("pydeck") / "nbextension" / "static" / "index.js"
     text = bundle.read_text(encoding="utf-8")
     text = re.sub(r"//# sourceMappingURL=\S+", "", text)
@@ -62,10 +62,10 @@ def deck_gl() -> str:
 
 
 def _parsed_once(bundle: str) -> str:
-    """The same script in a form that Chromium parses once and not three times.
+    """The same script in a form that Chromium parses once instead of three times.
 
-    A function in brackets is compiled at once, one without is first parsed to find its end. For the
-    trace of an error, even of one that the library catches as it starts, it is parsed once more.
+    Chromium compiles a function in brackets at once, but first parses one without to find its end.
+    It parses the script again for the stack trace of an error, even of one caught at start-up.
     """
     head, tail = "})(globalThis, ", ");"
     if bundle.count(head) == 1 and bundle.endswith(tail):

@@ -1,4 +1,4 @@
-"""The points of a drive as the 3-D scene takes them: thinned, rounded, shaded.
+"""The points of a drive for the 3-D scene: thinned, rounded, shaded.
 
 Letters: n points of a frame, C columns of a point.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-STEP = 0.01  # metres; points are rounded to it, so that a coordinate takes two bytes
+STEP = 0.01  # metres; resolution of a coordinate, stored in two bytes
 POINTS_PER_FRAME = 8000
 POINTS_IN_ALL = 1_500_000  # 9.3 bytes each in the file
 FOREGROUND = "foreground probability"
@@ -20,10 +20,10 @@ BRIGHT = {"intensity": (236, 241, 250), FOREGROUND: (255, 150, 40)}
 
 
 class ScenePoints:
-    """The points of a drive, put in frame by frame, so that whole scans need not be kept.
+    """The points of a drive, added frame by frame, without storing whole scans.
 
     Args:
-        num_frames: of the drive; long drives keep fewer points of a frame.
+        num_frames: of the drive; long drives store fewer points of a frame.
         shading: meaning of the points' fourth column, a key of `BRIGHT`.
         per_frame: at most so many points of a frame are kept.
     """
@@ -36,14 +36,14 @@ class ScenePoints:
         self.frames = [""] * num_frames
 
     def put(self, t: int, points: np.ndarray | None) -> None:
-        """Keeps points (n, 3 or 4), level frame, metres, of frame t; None where there are none."""
+        """Stores points (n, 3 or 4), level frame, metres, of frame t; None for a missing scan."""
         if points is None:
             return
         self.most = max(self.most, len(points))
         points = thin(points, self.limit, t)
         if points.shape[1] == 3:
             self.shading = "one shade"
-        elif self.shading == "intensity":  # most of a scan is dark: its root tells more apart
+        elif self.shading == "intensity":  # most intensities are low: the square root spreads them
             points = np.column_stack([points[:, :3], np.sqrt(np.abs(points[:, 3]))])
         self.frames[t] = pack_points(points)
 
@@ -54,7 +54,7 @@ class ScenePoints:
         return {"step": STEP, "frames": self.frames, "colors": colors, "shading": self.shading}
 
     def note(self) -> str:
-        """How the points were thinned, rounded and shaded."""
+        """A sentence on thinning, rounding and shading."""
         kept = f"all, up to {self.most}"
         if self.most > self.limit:
             kept = f"{self.limit} of up to {self.most}, drawn at random"
@@ -73,8 +73,8 @@ def thin(points: np.ndarray, limit: int, frame: int) -> np.ndarray:
 def pack_points(points: np.ndarray) -> str:
     """(n, 3 or 4) points -> base64: xyz as int16 in steps of `STEP`, then shading as uint8.
 
-    The fourth column is the shading, 0 to 1. What lies beyond the range of int16 (327 m) is left
-    out.
+    The fourth column is the shading, 0 to 1. Points beyond the range of int16 (327 m) are
+    omitted.
     """
     steps = np.round(points[:, :3] / STEP)
     inside = (np.abs(steps) <= np.iinfo(np.int16).max).all(axis=1)

@@ -1,6 +1,6 @@
 """Bird's-eye plots of a validation sample during training: truth green, network blue.
 
-Both take a training task (`training.task.TrainingTask`).
+The argument is a training task (`training.task.TrainingTask`).
 """
 
 from __future__ import annotations

@@ -9,26 +9,27 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kitti.boxes import box_corners
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.clip import Clip
 from visualization.drawing import EDGES, TEXT, id_color, label
 
+SPAN = 60  # frames: 6 s
 BOX_EVERY = 10  # frames between two drawn boxes of a track
 MAX_POINTS = 6000  # of the scan behind the tracks
-X_RANGE, Y_RANGE = (0.0, 70.0), (-25.0, 25.0)  # metres; what lies outside is left out
+X_RANGE, Y_RANGE = (0.0, 70.0), (-25.0, 25.0)  # metres shown
 
 
-def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -> Figure:
-    """A row per clip (such as displacement 0 and 2 m): its tracks over the last `span` frames.
+def trajectories(clips: Sequence[Clip], titles: Sequence[str]) -> Figure:
+    """A row per clip (such as displacement 0 and 2 m): its tracks over the last `SPAN` frames.
 
-    Everything is drawn in the sensor's frame at each moment, as the paper does.
+    Positions are in the sensor's frame of each time, as in the paper.
     """
     figure = Figure(figsize=(7.6, 5.6 * len(clips)), layout="constrained")
     for row, (clip, title) in enumerate(zip(clips, titles, strict=True)):
         panel = figure.add_subplot(len(clips), 1, row + 1, projection="3d")
         last = clip.num_frames - 1
         frame = clip.results.frame
-        shown = (frame > last - span) & (frame <= last) & _inside(clip.results.boxes)
+        shown = (frame > last - SPAN) & (frame <= last) & _inside(clip.results.boxes)
         tracks = clip.results[shown]
         scan = clip.scan(last)
         _draw_scan(panel, scan[_inside(scan)])
@@ -40,7 +41,7 @@ def trajectories(clips: Sequence[Clip], titles: Sequence[str], span: int = 60) -
 
 
 def _inside(points: np.ndarray) -> np.ndarray:
-    """(n,) bool for (n, >=2); mplot3d does not clip by itself."""
+    """(n,) bool: points (n, >=2) in the shown range, since mplot3d does not clip."""
     x, y = points[:, 0], points[:, 1]
     return (x >= X_RANGE[0]) & (x <= X_RANGE[1]) & (y >= Y_RANGE[0]) & (y <= Y_RANGE[1])
 

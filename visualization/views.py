@@ -1,4 +1,4 @@
-"""Inner outputs of the networks, for Fig. 3 and Fig. 4. Imports TensorFlow."""
+"""Intermediate outputs of the networks, for Fig. 3 and Fig. 4. Imports TensorFlow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from kitti.boxes import points_in_boxes
-from kitti.labels import Objects
+from kitti.objects import Objects
 from models.boxes.box_decoding import Proposals, propose
 from models.detector import detector_inputs
 from models.inference import FrameState, StreamingNetwork
@@ -87,7 +87,7 @@ def neighborhood(
 def network_frame(
     network: StreamingNetwork, previous: FrameState, current: FrameState, boxes: np.ndarray, t: int
 ) -> NetworkFrame:
-    """All that the scene of frame t shows; `boxes` (M, 7) are the true ones of frame t-1.
+    """The data of the scene of frame t; `boxes` (M, 7) are the true ones of frame t-1.
 
     Raises:
         ValueError: one of the frames has no points.

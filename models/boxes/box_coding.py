@@ -43,7 +43,7 @@ def split_head(head: tf.Tensor, config: BoxCodingConfig) -> list[tf.Tensor]:
 def encode_boxes(
     points: np.ndarray, boxes: np.ndarray, classes: np.ndarray, config: BoxCodingConfig
 ) -> BoxTargets:
-    """Encodes the box that each point belongs to.
+    """Encodes the box of each point.
 
     Args:
         points: (P, 3) level frame, metres. boxes: (P, 7) level frame. classes: (P,) int32 index

@@ -35,13 +35,13 @@ class Proposals(NamedTuple):
 
 
 class Clusters(NamedTuple):
-    """Proposals of one frame grouped into K boxes, most supported first; no score is final yet."""
+    """Proposals of one frame grouped into K boxes, most supported first, without final scores."""
 
     boxes: np.ndarray  # (K, 7) float32 level frame: the mean of the votes
     agreement: np.ndarray  # (K,) float32 in [0, 1]: see `cluster`
     classes: np.ndarray  # (K, NC) float32: mean class probabilities of the votes
     iou: np.ndarray  # (K, P) float32: IoU of the best supported proposal with every proposal
-    members: np.ndarray  # (K, P) bool: the proposals that the cluster takes away from others
+    members: np.ndarray  # (K, P) bool: the proposals of each cluster
     votes: np.ndarray  # (K, P) float32: weight of each proposal in the mean, 0 without a vote
     proposals: Proposals  # of P rows, as NumPy arrays, after thinning
 
@@ -156,7 +156,7 @@ def _rank_in_group(keys: np.ndarray) -> np.ndarray:
 def _suppress(iou: np.ndarray, support: np.ndarray, config: DecodingConfig):
     """Rows (K,) of the kept proposals, most supported first, and the cluster of each proposal.
 
-    iou (P, P), support (P,) -> (K,) int64, (P,) int64; -1 where no cluster takes the proposal.
+    iou (P, P), support (P,) -> (K,) int64, (P,) int64; -1 for a proposal without a cluster.
     """
     owner, kept = np.full(len(support), -1), []
     free = np.argsort(-support, kind="stable")
@@ -170,7 +170,7 @@ def _suppress(iou: np.ndarray, support: np.ndarray, config: DecodingConfig):
 
 
 def _vote(boxes: np.ndarray, share: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Weighted mean boxes (K, 7) float32; headings opposite to the majority count turned round.
+    """Weighted mean boxes (K, 7) float32; headings opposite to the majority are reversed.
 
     boxes (P, 7), share (K, P) of rows that sum to 1, kept (K,) rows of the best supported boxes.
     """

@@ -1,7 +1,7 @@
 """The score of a box: the probability that it is right at 3-D IoU 0.5 (a choice of ours).
 
-A logistic regression on the features of the cluster behind the box. `python -m training.calibrate`
-fits it on labelled scans; it belongs to one detector and is stored beside it as scorer.json.
+A logistic regression on the features of the box's cluster. `python -m training.calibrate` fits it
+on labelled scans for one detector; it is stored beside the detector as scorer.json.
 
 Letters: K boxes, F features.
 """

@@ -25,7 +25,7 @@ def cluster_features(
 
     Args:
         clusters: of one frame, K >= 1 of them.
-        points: (N, 3) float, level frame, metres: the points that the network saw.
+        points: (N, 3) float, level frame, metres: the input points of the detector.
         probability: (N,) their foreground probability.
 
     Returns:
@@ -122,7 +122,7 @@ def _geometry(
 def _view(points: np.ndarray) -> np.ndarray:
     """The quantiles VIEW of the azimuths of points (N, 3) ahead, radians, (2,) float64.
 
-    As np.quantile has them, by one partition of slopes, which are ordered as their angles are.
+    Equals np.quantile, but partitions the slopes, which have the order of the angles.
     """
     slope = points[:, 1] / np.maximum(points[:, 0], 0.1)
     places = np.array(VIEW) * (len(slope) - 1)

@@ -21,7 +21,7 @@ CONFIG = BoxCodingConfig()
 
 
 def predictions_of(targets, config=CONFIG):
-    """Predictions that say exactly what the targets say, at one frame of P points."""
+    """Predictions equal to the targets, at one frame of P points."""
     count = len(targets.heading_bin)
     nh, ns, nc = config.num_heading_bins, len(config.size_templates), len(config.classes)
     rows = np.arange(count)

@@ -54,7 +54,7 @@ def test_without_displacement_the_same_jump_is_a_new_object():
     assert step(tracker, cars(10.2)).ids.tolist() == [1]
 
 
-def test_conflict_goes_to_the_larger_iou():
+def test_the_larger_iou_wins_a_conflict():
     # both old boxes prefer the new box at 1.0: IoU of a 1.0 m shift 3/5, of a 0.4 m shift 3.6/4.4
     tracker = make_tracker("pointtracknet", tau=0.1)
     step(tracker, cars(0.0, 1.4))
@@ -74,7 +74,7 @@ def test_tau_is_the_least_iou_of_a_match(shift, matched):
     assert (step(tracker, cars(shift)).ids.tolist() == [0]) == matched
 
 
-def test_lost_object_goes_on_with_its_last_displacement():
+def test_a_lost_object_repeats_its_last_displacement():
     tracker = make_tracker("pointtracknet", max_age=2)
     step(tracker, cars(0.0))
     points, displacement = np.array([[0.0, 0, -1]]), np.array([[5.0, 0, 0]])

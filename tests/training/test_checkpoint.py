@@ -129,7 +129,7 @@ def test_cyclical_learning_rate_by_hand():
     assert found == pytest.approx([1e-4, 5.5e-4, 1e-3, 5.5e-4, 1e-4, 1e-3])
 
 
-def test_history_forgets_what_came_after_the_checkpoint(tmp_path):
+def test_history_drops_rows_after_the_checkpoint(tmp_path):
     history = History(tmp_path / "history.csv")
     for epoch in (1, 2, 3):
         history.add({"epoch": epoch, "step": 10 * epoch, "loss": 1.0 / epoch})

@@ -8,7 +8,7 @@ import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER
 
 from kitti.iou import iou_3d
-from kitti.labels import Objects
+from kitti.objects import Objects
 from kitti.sequence import open_sequences
 from metrics.protocols import Entry, evaluate_protocol
 from models.boxes.box_decoding import decode_detections

@@ -14,7 +14,7 @@ def one_pool(count: int, batch_size: int, seed: int) -> Order:
     return make_order([(0, t) for t in range(count)], (), 0, batch_size, seed)
 
 
-def test_every_sample_comes_once_in_a_round():
+def test_a_round_contains_every_sample_once():
     order = one_pool(10, batch_size=4, seed=1)
     assert order.steps_per_epoch == 2
     seen = np.concatenate([order.batch(step) for step in range(5)])

@@ -107,7 +107,7 @@ def wall(distance: float) -> np.ndarray:
     return points[points[:, 2] > GROUND + 0.25]
 
 
-def test_what_stands_behind_a_pasted_object_is_hidden():
+def test_points_behind_a_pasted_object_are_removed():
     frame = street(wall(30.0))
     found = paste_objects(frame, bank_of(car(12.0)), 1, rng(3))
     (box,) = found.boxes
@@ -133,7 +133,7 @@ def test_nothing_is_pasted_behind_a_wall_or_into_it():
     assert len(paste_objects(street(), bank_of(car(12.0)), 3, rng()).boxes) > 0
 
 
-def test_a_pasted_object_loses_what_a_nearer_one_hides():
+def test_points_behind_a_nearer_object_are_not_pasted():
     near = wall(8.0)
     halves = near[np.arctan2(near[:, 1], near[:, 0]) > 0.05]  # the left half is behind it
     frame, cut = street(halves), car(12.0)

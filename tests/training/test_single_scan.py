@@ -44,7 +44,7 @@ def test_single_scans_are_those_without_a_neighbour(sequences):
 
 
 def test_ego_motion_drives_on_and_then_turns():
-    left = ego_motion(1.5, np.pi / 2)  # what was ahead is to the right afterwards
+    left = ego_motion(1.5, np.pi / 2)  # points ahead are to the right afterwards
     np.testing.assert_allclose(left @ [5, 0, 0.3, 1], [0, -3.5, 0.3, 1], atol=1e-12)
     np.testing.assert_allclose(ego_motion(1.5, 0.0) @ [5, 2, 0, 1], [3.5, 2, 0, 1])
 

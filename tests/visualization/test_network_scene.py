@@ -6,7 +6,7 @@ import base64
 
 import numpy as np
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.association import Neighborhood
 from visualization.clip import Clip
 from visualization.network_scene import ARROWS, NetworkFrame, network_data, owners
@@ -47,7 +47,7 @@ def scene(kept: int) -> dict:
     )
 
 
-def test_arrows_of_moving_points_are_few_enough_to_be_told_apart():
+def test_the_number_of_arrows_is_limited():
     for kept, count in ((40, 20), (4000, ARROWS)):
         data = scene(kept)
         start, by = (unpack(data["network"]["arrows"][key]) for key in ("from", "by"))
@@ -58,7 +58,7 @@ def test_arrows_of_moving_points_are_few_enough_to_be_told_apart():
         assert any(f": {count} of {kept // 2}, drawn at random." in note for note in data["notes"])
 
 
-def test_proposals_belong_to_the_nearest_detection_within_reach():
+def test_proposals_are_assigned_to_the_nearest_detection_within_reach():
     network = scene(40)["network"]
     assert unpack(network["proposals"]["owner"]).tolist() == [0, 1, -1]
     assert len(network["group"]["neighbors"]) == 2

@@ -1,4 +1,4 @@
-"""The HTML page is valid, stands alone and shows what it was given."""
+"""The HTML page is valid, loads no other file and contains its input."""
 
 import base64
 
@@ -42,7 +42,7 @@ def test_pictures_are_inside_and_text_is_escaped(tmp_path):
     assert '<a href="scene.html">Turn &lt;it&gt;</a>' in text
 
 
-def test_the_checker_finds_what_is_wrong():
+def test_the_checker_finds_faults():
     bad = "<!DOCTYPE html><html><body><p><img src='http://x/a.png'></body></html>"
     problems = check(bad).problems
     assert any("refers to http" in p for p in problems)

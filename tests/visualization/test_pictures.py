@@ -1,4 +1,4 @@
-"""Every picture holds what it promises: axes in metres, boxes, lines, colours by id."""
+"""Contents of every picture: axes in metres, boxes, lines, colours by id."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, ConnectionPatch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from PIL import Image
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.animation import animate
 from visualization.association import Neighborhood, association
 from visualization.birds_eye import birds_eye

@@ -7,7 +7,7 @@ import pytest
 from test_scene import FRAMES, drive, points
 
 from common.errors import InputError
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.clip import Clip
 from visualization.rerun_file import load_rerun, write_recording
 

@@ -1,4 +1,4 @@
-"""The scene's data: what is packed is what was given; errors are those that evaluate.py counts."""
+"""The scene's data: packed values equal the input; errors equal those of evaluate.py."""
 
 import base64
 import json
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.html_check import check
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from metrics.protocols import Entry, evaluate_protocol
 from visualization.clip import Clip
 from visualization.scene import (
@@ -66,7 +66,7 @@ def test_boxes_ids_and_scores_are_those_of_the_results(clip):
 def test_points_are_rounded_to_a_step(clip):
     scan = np.array([[1.234, -5.678, 0.5, 0.0], [327.0, 0, 0, 1.0], [400.0, 0, 0, 1.0]])
     data = base64.b64decode(pack_points(scan))
-    assert len(data) == 7 * 2  # what lies beyond 327 m is left out
+    assert len(data) == 7 * 2  # points beyond 327 m are omitted
     xyz = np.frombuffer(data[:12], "<i2").reshape(2, 3) * STEP
     np.testing.assert_allclose(xyz, scan[:2, :3], atol=STEP / 2 + 1e-9)
     assert list(data[12:]) == [0, 255]

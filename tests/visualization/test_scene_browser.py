@@ -8,7 +8,7 @@ from helpers import chromium
 from PIL import Image
 from test_scene import FRAMES, drive, points
 
-from kitti.labels import Objects
+from kitti.objects import Objects
 from visualization.clip import Clip
 from visualization.scene import scene_data
 from visualization.scene_page import write_scene
@@ -27,7 +27,7 @@ def browser():
 
 
 def show(browser, path, clip, trackers):
-    """Opens the scene of a clip; what went wrong before is forgotten."""
+    """Opens the scene of a clip; earlier errors are cleared."""
     write_scene(path, "a drive", scene_data(clip, trackers))
     browser.errors.clear()
     browser.requests.clear()

@@ -12,6 +12,7 @@ from kitti.sequence import KittiSequence
 from training.sampling.frames import LabelledFrame, frame_list, read_frame
 from training.sampling.object_bank import ObjectBank
 
+KEPT = 64  # frames in memory
 FRAMES_PER_ROOT = 300
 """Frames of a data root that are searched for objects to paste: bounds time and memory."""
 
@@ -19,9 +20,9 @@ FRAMES_PER_ROOT = 300
 class FrameReader:
     """Reads labelled frames of a list of sequences, keeping the last few."""
 
-    def __init__(self, sequences: list[KittiSequence], classes: tuple[str, ...], keep: int = 64):
+    def __init__(self, sequences: list[KittiSequence], classes: tuple[str, ...]):
         self.sequences, self.classes = sequences, classes
-        self.read = lru_cache(maxsize=keep)(self._read)
+        self.read = lru_cache(maxsize=KEPT)(self._read)
         self._lock, self._bank = Lock(), None
 
     def _read(self, index: int, t: int) -> LabelledFrame:

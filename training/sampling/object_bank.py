@@ -1,5 +1,4 @@
-"""Labelled objects cut from training scans, to be pasted into others (ground-truth sampling of
-SECOND, Yan et al., Sensors 2018)."""
+"""Labelled objects cut from training scans for pasting, as in SECOND (Yan et al., Sensors 2018)."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ MIN_POINTS = 20
 
 
 class CutObject(NamedTuple):
-    """An object where it was seen."""
+    """An object at its place in the scan."""
 
     points: np.ndarray  # (k, 3) float32 level frame, those on the ground left out
     box: np.ndarray  # (7,) float64 level frame
@@ -25,8 +24,8 @@ class CutObject(NamedTuple):
 
 
 class ObjectBank:
-    """Objects by data root and class. Each draw takes every root, and then every class that the
-    root has, with the same probability: real scans among many simulated, vans among many cars.
+    """Objects by data root and class. A draw chooses among the roots, then among the classes of the
+    root, each with the same probability: real scans among many simulated, vans among many cars.
 
     Args:
         objects: one dictionary {class index: objects} for each data root.

@@ -11,11 +11,11 @@ from training.sampling.frames import LabelledFrame
 from training.sampling.object_bank import CutObject, ObjectBank, view
 
 PLACES = 4
-"""Directions that are tried for an object before it is left out."""
+"""Directions tried for an object before it is skipped."""
 MIN_VISIBLE = 10
-"""Points that must be left of a pasted object."""
+"""Fewest visible points of a pasted object."""
 MAX_INSIDE = 5
-"""Points, ground left out, that may stand where the object is put; more are an obstacle."""
+"""Most points above the ground at the place of the object; more are an obstacle."""
 MAX_STEP = 1.0  # metres between the ground under the object in its own scan and in the other
 ROOM = 0.2  # metres to other boxes on each side
 CELL = np.deg2rad([0.3, 0.6])  # azimuth, elevation; coarser than the sensor, so cells have no gaps
@@ -25,12 +25,12 @@ BEHIND = 0.3  # metres along the ray from which a point counts as behind another
 def paste_objects(
     frame: LabelledFrame, bank: ObjectBank, count: int, rng: np.random.Generator
 ) -> LabelledFrame:
-    """Puts up to `count` objects of the bank into a frame; all randomness comes from rng.
+    """Pastes up to `count` objects of the bank into a frame; rng is the only source of randomness.
 
-    An object keeps its range, so that its points are as dense as they are there: it is turned
-    about the sensor into a random direction of the view and set on the ground. It stays clear of
-    all labelled boxes and of other obstacles, loses its points behind nearer ones, and hides the
-    points behind it. Pasted objects get track ids of their own.
+    An object keeps its range and so its density of points: it is rotated about the sensor into a
+    random direction of the view and placed on the ground. It must not overlap labelled boxes or
+    other obstacles; its points behind nearer ones are removed, and so are the points behind it.
+    Pasted objects get new track ids.
     """
     if not bank or not len(frame.points):
         return frame
@@ -74,7 +74,7 @@ def _has_room(cut: CutObject, boxes: np.ndarray, frame: LabelledFrame) -> np.nda
 
 
 def _pasted(frame, rays, points, box, class_index: int, edges):
-    """The frame with an object added and the rays of its points; None where it is not seen."""
+    """The frame with an object added and the rays of its points; None where it is hidden."""
     own = _rays(points)
     low, high = own[:2].min(axis=1) - 2 * CELL, own[:2].max(axis=1) + 2 * CELL
     near = np.flatnonzero((rays[0] > low[0]) & (rays[0] < high[0]))
@@ -121,7 +121,7 @@ def _cells(rays: np.ndarray, low: np.ndarray) -> np.ndarray:
 
 
 def _nearest(shape: np.ndarray, cells: np.ndarray, ranges: np.ndarray) -> np.ndarray:
-    """Least range in each cell of a grid of that shape; infinite where there is none."""
+    """Least range in each cell of a grid of that shape; infinite in an empty cell."""
     least = np.full(shape, np.inf)
     np.minimum.at(least, tuple(cells), ranges)
     return least

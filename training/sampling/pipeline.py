@@ -18,14 +18,14 @@ BLOCK = 1000
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Sample of every step as a pure function of (seed, step), so that no state has to be saved.
+    """The sample of every step as a pure function of (seed, step), without state to save.
 
     Samples come from pools. In each `BLOCK` of samples every pool has its share, at random places;
-    the samples of a pool are shuffled afresh whenever all of it was used.
+    a pool is shuffled anew after each pass over it.
 
     Attributes:
-        pools: index arrays; pool g is drawn from in the share `shares[g]`. Shares add up to 1.
-        epoch_size: samples that are called an epoch.
+        pools: index arrays; `shares[g]` is the share of pool g. Shares add up to 1.
+        epoch_size: samples of an epoch.
     """
 
     pools: tuple[np.ndarray, ...]
@@ -80,7 +80,7 @@ def make_order(
     batch_size: int,
     seed: int,
 ) -> Order:
-    """The order of samples of items (sequence, frame); without pools all are drawn alike.
+    """The order of samples of items (sequence, frame); without pools all have the same probability.
 
     Raises:
         InputError: no items, or a pool without any.

@@ -1,7 +1,4 @@
-"""The samples of a training as functions of (index, position).
-
-They are picklable: a worker process makes the same samples as its parent.
-"""
+"""The samples of a training as picklable functions of (index, position)."""
 
 from __future__ import annotations
 
@@ -67,7 +64,7 @@ class DetectorSamples(FrameItems):
         return self.reader.bank if self.augmentation.pasted_objects else None
 
     def __getstate__(self) -> dict[str, Any]:
-        """The objects to paste go along: they are cut once, not in each worker."""
+        """With the objects to paste: they are cut once, not in each worker."""
         return {**super().__getstate__(), "bank": self.bank}
 
     def __call__(self, index: int, position: int) -> DetectorSample:

@@ -60,10 +60,9 @@ def no_augmentation() -> AugmentationConfig:
 def shifted(
     frames: Sequence[LabelledFrame], config: AugmentationConfig, rng: np.random.Generator
 ) -> list[LabelledFrame]:
-    """Frames whose objects, in a share of the samples, are moved as section IV.D moves them.
+    """Frames whose objects, in a share of the samples, are shifted as in section IV.D.
 
-    All labelled objects move, by the draws of `ObjectShift` and afresh in each frame, and their
-    points with them.
+    All labelled objects and their points are shifted by `ObjectShift`, anew in each frame.
     """
     seed, chosen = int(rng.integers(2**63)), rng.random() < config.object_shift_share
     if not (chosen and config.object_shift):
@@ -101,7 +100,7 @@ def detector_sample(
     rng: np.random.Generator,
     bank: ObjectBank | None = None,
 ) -> DetectorSample:
-    """A labelled frame -> DetectorSample; all randomness comes from rng.
+    """A labelled frame -> DetectorSample; rng is the only source of randomness.
 
     `bank` holds the objects to paste, where `augmentation` enables it.
     """
@@ -176,7 +175,7 @@ def pair_sample(
     augmentation: AugmentationConfig,
     rng: np.random.Generator,
 ) -> PairSample:
-    """Two frames -> PairSample: both transformed alike, objects shifted afresh in each."""
+    """Two frames -> PairSample: the same transform for both, objects shifted anew in each."""
     frames = shifted([previous, current], augmentation, rng)
     transform = SceneTransform.random(augmentation, rng)
     dropout = rng.uniform(0.0, augmentation.dropout)

@@ -1,4 +1,4 @@
-"""Pairs of frames from one scan, so that the tracker learns from scans without a neighbour."""
+"""Pairs of frames made from one scan, to train the tracker on scans without a neighbour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worker processes that make samples, for machines whose accelerator outruns one Python process."""
+"""Worker processes that make samples, for accelerators that are faster than one Python process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SampleWorkers:
         )
 
     def __call__(self, index: int, position: int) -> Any:
-        """The sample; called by several threads at once, each waits for its own."""
+        """The sample; may be called by several threads at once."""
         return self._pool.submit(_make, index, position).result()
 
     def close(self) -> None:

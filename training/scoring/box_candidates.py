@@ -14,7 +14,7 @@ import tensorflow as tf
 from common.progress import progress
 from kitti.boxes import points_in_boxes, project_boxes
 from kitti.iou import iou_3d
-from kitti.labels import VEHICLES
+from kitti.objects import VEHICLES
 from kitti.sequence import KittiSequence
 from metrics.kitti_rules import boxes_in_dontcare
 from models.boxes.box_decoding import Clusters, cluster

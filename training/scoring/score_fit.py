@@ -108,7 +108,7 @@ class ScoreFit:
         return model.probability(np.stack([frame.features[name] for name in self.names], -1))
 
     def cross_validated(self, folds: int) -> list[list[np.ndarray]]:
-        """(K,) scores of each domain and frame by a regression that saw no frame of its drive.
+        """(K,) scores of each domain and frame by a regression fitted without its drive.
 
         Raises:
             InputError: a domain has a single drive.
