@@ -1,9 +1,9 @@
-"""The main job in one command: data, networks, four trackers on the same boxes, table, pictures.
+"""Runs the whole chain in one command: data, networks, trackers on the same boxes, table, pictures.
 
     python demo.py --out results/demo
 
-Without --data_root a few held-out sequences of the simulator's own traffic are made first. A
-finished step is skipped the next time, so an interrupted demo resumes.
+Without --data_root a few held-out sequences of the simulator's own traffic are made first.
+Finished steps are skipped, so an interrupted demo resumes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def parse_config(argv: Sequence[str] | None = None) -> DemoConfig:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Runs the demo; prints the table and where everything is."""
+    """Runs the demo; prints the table and the paths of the output."""
     run_demo(parse_config(argv))
 
 

@@ -49,8 +49,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"written to {config.out}")
     if config.subset == "testing":
         missing = len(TEST) - len(config.seqs)
-        what = f"lacks {missing} of the server's sequences" if missing else "complete"
-        print(f"for the KITTI server: {config.out / SUBMISSION} ({what})")
+        state = f"lacks {missing} of the server's sequences" if missing else "complete"
+        print(f"for the KITTI server: {config.out / SUBMISSION} ({state})")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class Tracker:
             `kitti.calibration.standard_mounting`. The networks take the points in the
             camera's view, as in training.
         image_size: width and height of the camera's image in pixels, where the calibration does
-            not hold it (see `kitti.camera_view.image_size_of`).
+            not define it (see `kitti.camera_view.image_size_of`).
         parameters: fields of `tracking.association_to_trajectory.AssociationParameters`.
     """
 
@@ -86,7 +86,7 @@ class Tracker:
 
     @property
     def seen(self) -> np.ndarray:
-        """(N, 4) float32 points that the detector saw of the last scan, level frame, metres, and
+        """(N, 4) float32: the detector's input points of the last scan, level frame, metres, and
         their foreground probability; no rows before the first scan."""
         state = self._stream.state
         if state is None:
@@ -104,15 +104,15 @@ class Tracker:
         Args:
             points: (n, >=3), Velodyne frame (x ahead, y left, z up), metres; n may be 0 for a
                 frame without a scan. Organised clouds (H, W, >=3) and structured arrays with
-                fields x, y, z are taken too. Points without a return (NaN, infinity, beyond 1000
+                fields x, y, z are accepted too. Points without a return (NaN, infinity, beyond 1000
                 m) are dropped; `dropped` is their number.
 
         Returns:
             Tracks: boxes (T, 7) in the level frame, ids, scores, types.
 
         Raises:
-            InputError: another shape or type, or no finite point at all; the scan then counts as
-                not given, and the next one is tracked as if it followed the last good one.
+            InputError: another shape or type, or no finite point at all; the scan is then skipped,
+                and the next one is tracked as the successor of the last valid one.
         """
         points, self.dropped = as_points(points)
         detections = self._stream.detect(self.points_level(points), self.frame)

@@ -160,7 +160,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     size, known_from = describe_image_size(calib, given)
     seen, total = check_view(scans.probes(), calib, size)
     check_writable(args.out)
-    from pointtracknet import Tracker  # TensorFlow only where the input is in order
+    from pointtracknet import Tracker  # TensorFlow only for valid input
     from tf_ops.devices import describe_device
     from visualization.scene_points import FOREGROUND, ScenePoints
 

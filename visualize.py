@@ -1,4 +1,4 @@
-"""The paper's pictures, and a drive to turn in a browser, from data, result files and weights.
+"""Draws the paper's figures, and 3-D scenes for a browser, from data, result files and weights.
 
     python visualize.py scene --data_root DATA --seq 0016 --results A/tracks B/tracks --out a.html
     python visualize.py birds_eye --data_root DATA --seq 0016 --results DIR/tracks --out fig1.png
@@ -18,8 +18,8 @@ from common import flags
 from common.errors import InputError
 from evaluation.run import check_writable
 from evaluation.scene import Scene, open_scenes
-from kitti.labels import Objects
 from kitti.object_shift import ObjectShift
+from kitti.objects import Objects
 from kitti.seqmap import parse_sequences
 from visualization.animation import animate
 from visualization.birds_eye import birds_eye
@@ -59,7 +59,9 @@ def make_parser() -> flags.ArgumentParser:
             needed = {"default": []} if name == "scene" else {"required": True}
             add("--results", type=Path, nargs=count, help="folder of files 00XX.txt", **needed)
         if name in ("network", "birds_eye"):
-            add("--frame", type=flags.non_negative_int, help="default: the one with most vehicles")
+            add(
+                "--frame", type=flags.non_negative_int, help="default: the frame with most vehicles"
+            )
         if name in ("network", "scene"):
             add("--weights", type=Path, default=Path("weights"), help="folder of the networks'")
     _add_scene_flags(parsers["scene"])
@@ -108,7 +110,7 @@ def tracker_names(folders: Sequence[Path]) -> list[str]:
 
 
 def draw_drive(args: argparse.Namespace) -> list[Path]:
-    """The scene, and the recording of Rerun where it is wanted."""
+    """Writes the scene and, with --rerun, the recording."""
     _check_suffix(args.out, (".html",))
     if not 0 < args.iou <= 1:
         raise InputError(f"--iou: expected above 0 and at most 1, found {args.iou:g}")
@@ -134,7 +136,7 @@ def draw_drive(args: argparse.Namespace) -> list[Path]:
 
 
 def draw_inside(args: argparse.Namespace) -> list[Path]:
-    """Inner outputs of the networks in one frame."""
+    """Draws intermediate outputs of the networks in one frame."""
     check_writable(args.out)
     files = [args.out / name for name in ("sampling.png", "association.png", "network.html")]
     clip = Clip.of_scene(open_scene(args, args.object_shift), Objects.empty())
@@ -145,7 +147,7 @@ def draw_inside(args: argparse.Namespace) -> list[Path]:
 
 
 def draw_trajectories(args: argparse.Namespace) -> list[Path]:
-    """Fig. 6."""
+    """Draws Fig. 6."""
     _check_suffix(args.out, STILL)
     if len(args.results) != len(args.object_shift):
         raise InputError("expected as many --results as values of --object_shift")
@@ -158,14 +160,14 @@ def draw_trajectories(args: argparse.Namespace) -> list[Path]:
 
 
 def draw_animation(args: argparse.Namespace) -> list[Path]:
-    """A GIF."""
+    """Writes a GIF."""
     _check_suffix(args.out, (".gif",))
     clip = make_clip(args, args.object_shift, args.results[0])
     return [animate(clip, args.out, max_frames=args.animation_frames)]
 
 
 def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
-    """Fig. 1."""
+    """Draws Fig. 1."""
     _check_suffix(args.out, STILL)
     clip = make_clip(args, args.object_shift, args.results[0])
     frame = clip.busiest_frame() if args.frame is None else args.frame

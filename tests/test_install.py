@@ -63,7 +63,7 @@ def test_the_library_runs_in_another_folder(tmp_path):
     assert [Path(file).is_relative_to(checkout) for file in files] == [True, True]
 
 
-def test_the_package_depends_on_what_make_installs():
+def test_the_package_has_the_requirements_of_make():
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     (block,) = re.findall(r"^dependencies = \[(.*?)^\]", text, re.DOTALL | re.MULTILINE)
     installed = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()

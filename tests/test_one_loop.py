@@ -8,7 +8,8 @@ import evaluate
 import track
 from common import flags
 from kitti.calibration import standard_mounting, write_calibration
-from kitti.labels import Objects, read_results, write_labels
+from kitti.labels import read_results, write_labels
+from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan, write_scan
 from kitti.seqmap import write_seqmap
 from pointtracknet import Tracker

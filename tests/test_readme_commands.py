@@ -51,7 +51,7 @@ TRACKING = "tests/experiments/test_tracking_experiments.py"
 NETWORKS = "tests/experiments/test_network_tables.py"
 ABLATION = "tests/experiments/test_ablation.py"
 DECODING = "tests/studies/test_decoding_parameters.py"
-MAKE = "tests/test_readme_commands.py::test_make_runs_what_the_documents_say"
+MAKE = "tests/test_readme_commands.py::test_make_runs_the_documented_commands"
 
 RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of make, all of it
     "make": MAKE,
@@ -166,7 +166,7 @@ def _recipe(*words: str) -> list[str]:
     return shlex.split(done.stdout.splitlines()[-1])
 
 
-def test_make_runs_what_the_documents_say():
+def test_make_runs_the_documented_commands():
     assert _recipe("demo") == [PYTHON, "demo.py"]
     assert _recipe("test")[:3] == [PYTHON, "-m", "pytest"]
     assert _recipe("test-fast")[-2:] == ["-m", "not slow"]

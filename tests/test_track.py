@@ -171,7 +171,7 @@ def test_settings_from_a_file(tmp_path):
         track.parse_config([])
 
 
-def test_the_points_that_the_detector_saw():
+def test_seen_are_the_input_points_of_the_detector():
     network = ScriptedNetwork()
     tracker = Tracker(network)
     assert tracker.seen.shape == (0, 4)

@@ -1,4 +1,4 @@
-"""visualize.py draws from files what it is asked for, and says in one line what does not fit."""
+"""visualize.py: each figure from files, and errors of one line."""
 
 import base64
 import json
@@ -13,7 +13,8 @@ from PIL import Image
 
 import visualize
 from common import flags
-from kitti.labels import Objects, read_results, write_results
+from kitti.labels import read_results, write_results
+from kitti.objects import Objects
 
 FRAMES = 4
 
@@ -129,7 +130,7 @@ def test_animation_has_every_frame(root, tmp_path):
         ("network", "pictures", ("--weights", "none"), "detector.npz: expected a checkpoint"),
     ],
 )
-def test_what_does_not_fit_is_one_line(root, tmp_path, capsys, figure, name, more, message):
+def test_invalid_input_gives_one_line(root, tmp_path, capsys, figure, name, more, message):
     words = [root / "results" if word == "R" else word for word in more]
     assert run(root, figure, tmp_path / name, *words) == 2
     error = capsys.readouterr().err

@@ -50,7 +50,7 @@ def labels(folder: Path, rng: np.random.Generator) -> None:
 
 
 def results(folder: Path, rng: np.random.Generator) -> None:
-    """Result files: what is read can be written and is then read again."""
+    """Result files: accepted rows survive writing and reading."""
     rows = read_results(write_damaged(folder / "0000.txt", RESULTS, rng))
     if np.isfinite(rows.score).all():
         write_results(folder / "again.txt", rows)

@@ -53,7 +53,7 @@ def _time_limit(seconds: int) -> Iterator[None]:
 
 
 def try_input(door: Callable, seed: int) -> str | None:
-    """The find that input number `seed` of a door leads to, in one text; None if there is none."""
+    """The text of the find of input number `seed` of a door; None without one."""
     rng = np.random.default_rng([seed, *door.__name__.encode()])
     note.cache_clear()
     with (

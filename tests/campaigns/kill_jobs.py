@@ -1,4 +1,4 @@
-"""Small jobs that are killed: their command, and what of their output has to be equal."""
+"""Small jobs that are killed: their command, and the outputs that must be equal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Job:
 
     Attributes:
         command: arguments of the Python interpreter for inputs and output folder, before each run.
-        digest: of what is the same in every complete run, by name.
+        digest: of the outputs that are equal in every complete run, by name.
     """
 
     command: Callable[[Path, Path], list[str]]

@@ -66,7 +66,7 @@ def checkpoints(folder: Path, rng: np.random.Generator) -> None:
 
 
 def scorers(folder: Path, rng: np.random.Generator) -> None:
-    """The file of the boxes' scores: what is taken gives probabilities."""
+    """The file of the boxes' scores: accepted ones give probabilities."""
     write_damaged(folder / "scorer.json", _weights()["scorer.json"], rng)
     scorer = load_scorer(folder, "abc")
     scores = scorer.scores({"votes": np.array([1.0, 9.0]), "range": np.array([0.1, 2.0])})

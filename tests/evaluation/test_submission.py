@@ -1,4 +1,4 @@
-"""evaluate.py on a fake testing subset writes what the KITTI server takes."""
+"""evaluate.py on a fake testing subset writes the submission for the KITTI server."""
 
 import zipfile
 

@@ -258,7 +258,7 @@ def test_without_the_kernels_tensorflow_gives_the_same():
 
 
 def test_the_placement_decides(monkeypatch):
-    """With a GPU in sight the CPU's ops serve what is placed on the CPU, and only that."""
+    """With a visible GPU the CPU ops run for tensors placed on the CPU alone."""
     assert devices.fused_ops() or devices.has_gpu()
     monkeypatch.setattr(devices, "has_gpu", lambda: True)
     with tf.Graph().as_default():
