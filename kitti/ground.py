@@ -64,26 +64,25 @@ def fit_ground(points_level: np.ndarray) -> GroundModel:
 
     With too few points for a surface it is flat, at the lowest percentile.
     """
-    config = GROUND
     xyz = np.asarray(points_level, np.float32)[:, :3]
-    xyz = xyz[(np.abs(xyz[:, :2]) <= config.max_range_m).all(axis=1)]
+    xyz = xyz[(np.abs(xyz[:, :2]) <= GROUND.max_range_m).all(axis=1)]
     if not len(xyz):
-        return GroundModel(np.zeros(6), 1.0, np.zeros(2), config.cell_m, np.zeros((1, 1)))
-    cells = _Cells.of(xyz[:, :2], config.cell_m)
+        return GroundModel(np.zeros(6), 1.0, np.zeros(2), GROUND.cell_m, np.zeros((1, 1)))
+    cells = _Cells.of(xyz[:, :2], GROUND.cell_m)
     span = max(float(np.abs(xyz[:, :2]).max()), 1.0)
-    surface = np.array([np.percentile(xyz[:, 2], config.percentile), 0, 0, 0, 0, 0])
+    surface = np.array([np.percentile(xyz[:, 2], GROUND.percentile), 0, 0, 0, 0, 0])
     residual = weight = np.zeros(0)
     ij = np.zeros((0, 2), np.int64)
-    for start_scale in (config.start_scale_m, config.scale_m):
+    for start_scale in (GROUND.start_scale_m, GROUND.scale_m):
         above = xyz[:, 2] - _polynomial(xyz[:, 0], xyz[:, 1], surface, span)
         ij, height = cells.low_heights(above)
         if len(height) < 6:
             break
-        basis = _basis(cells.origin + ij * config.cell_m, span)
+        basis = _basis(cells.origin + ij * GROUND.cell_m, span)
         change, weight = _robust_fit(basis, height, start_scale)
         surface, residual = surface + change, height - basis @ change
     correction = _smoothed(ij[: len(weight)], cells.shape, residual, weight)
-    return GroundModel(surface, span, cells.origin, config.cell_m, correction)
+    return GroundModel(surface, span, cells.origin, GROUND.cell_m, correction)
 
 
 def ground_mask(

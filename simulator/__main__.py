@@ -15,10 +15,7 @@ from simulator.dataset import make_dataset
 from simulator.plan import Plan
 from simulator.sensor_model.frames import Options
 
-OWN_SEQUENCES = {
-    "train": range(16),
-    "val": range(16, 21),
-}  # numbers of the sequences, as in KITTI's split
+OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # as in KITTI's split
 
 
 def van_share(text: str) -> float:

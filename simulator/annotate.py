@@ -70,9 +70,8 @@ def label_frame(
     share = np.asarray(seen) / np.maximum(rays, 1)
     cared = (np.hypot(boxes[:, 0], boxes[:, 1]) < RULES.farthest) & (share > RULES.hidden)
     cared &= (tall >= RULES.smallest) & noticed
-    noticed &= (np.asarray(seen) > 0) | (
-        np.asarray(rays) == 0
-    )  # an object that no ray meets is not labelled
+    # an object that no ray meets is not labelled
+    noticed &= (np.asarray(seen) > 0) | (np.asarray(rays) == 0)
     ignored = np.flatnonzero(noticed & ~cared)
     order = np.concatenate([ignored, np.flatnonzero(cared)])
     is_ignored = np.arange(len(order)) < len(ignored)
