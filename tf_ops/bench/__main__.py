@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import json
 import os
 from collections.abc import Sequence
 from importlib import metadata
@@ -39,14 +38,6 @@ def parse(argv: Sequence[str] | None):
     )
     parser.add_argument("--out", type=Path, default=ROOT / "tf_ops/docs", help="output folder")
     parser.add_argument("--calls", type=positive_int, default=21, help="timed calls per case")
-    parser.add_argument(
-        "--group",
-        choices=("all", "one", "batch", "large", "other"),
-        default="all",
-        help="rows to measure; the file's other rows are kept",
-    )
-    parser.add_argument("--name", default="bench", help="name of the table's JSON file")
-    parser.add_argument("--ours_only", action="store_true", help="without the peers")
     return parser.parse_args(argv)
 
 
@@ -70,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     record = moment(args)
     if args.mode == "table":
         report = {"rows": table(args), "provenance": record}
-        write_json(args.out / f"{args.name}.json", report)
+        write_json(args.out / "bench.json", report)
         print(tables.peers_table(report))
     elif args.mode == "native":
         report = {"rows": builds.measure(args.calls, args.kitti_root), "provenance": record}
@@ -97,22 +88,13 @@ def moment(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def table(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Rows against the peers; groups that are not measured keep the rows of the file."""
+    """Rows of all cases against the peers."""
     from tf_ops.bench import cases, timing
 
-    chosen = [
-        (name, case)
-        for name in (cases.GROUPS if args.group == "all" else [args.group])
-        for case in cases.group(name, args.kitti_root)
+    chosen = cases.all_cases(args.kitti_root)
+    return [
+        timing.measure(case, args.calls) for case in progress(chosen, len(chosen), "bench", "case")
     ]
-    rows = [
-        {"group": name, **timing.measure(case, args.calls, args.ours_only)}
-        for name, case in progress(chosen, len(chosen), "bench", "case")
-    ]
-    path = args.out / f"{args.name}.json"
-    before = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.is_file() else []
-    rows += [row for row in before if row["group"] not in {name for name, _ in chosen}]
-    return sorted(rows, key=lambda row: cases.GROUPS.index(row["group"]))
 
 
 if __name__ == "__main__":

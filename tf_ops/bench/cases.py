@@ -152,17 +152,12 @@ def feature_cases(kitti_root: Path) -> Iterator[Case]:
         )
 
 
-GROUPS = ("one", "batch", "large", "other")
-
-
-def group(name: str, kitti_root: Path) -> Iterator[Case]:
-    """The cases of `one` cloud, of a `batch` of eight, of eight `large` ones, and all `other`."""
-    if name == "one":
-        yield from cloud_cases(kitti_root, 1)
-    elif name == "batch":
-        yield from cloud_cases(kitti_root, 8)
-    elif name == "large":
-        yield large_case(8)
-    else:
-        yield box_case()
-        yield from feature_cases(kitti_root)
+def all_cases(kitti_root: Path) -> list[Case]:
+    """The cases of one cloud, of a batch of eight, and of boxes and features."""
+    return [
+        *cloud_cases(kitti_root, 1),
+        *cloud_cases(kitti_root, 8),
+        large_case(8),
+        box_case(),
+        *feature_cases(kitti_root),
+    ]

@@ -47,16 +47,12 @@ def probe(peer: Callable[[], object]) -> float:
     return first if first > LONG_S else min(first, seconds(peer))
 
 
-def measure(case: Case, calls: int, ours_only: bool = False) -> dict[str, Any]:
+def measure(case: Case, calls: int) -> dict[str, Any]:
     """One row of the table: median times in milliseconds, and their ratio to the best peer's."""
     for _ in range(WARM_UP):
         case.ours()
     now = datetime.now(timezone.utc).isoformat(timespec="seconds")
     row: dict[str, Any] = {"case": case.name, "batch": case.batch, "goal": case.goal, "time": now}
-    if ours_only:
-        return row | {
-            "ours_ms": 1e3 * float(np.median([seconds_when_warm(case.ours) for _ in range(calls)]))
-        }
     probes = {name: probe(peer) for name, peer in case.peers.items()}
     best = min(probes, key=probes.get)
     sides = (case.ours, case.peers[best])
