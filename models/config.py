@@ -12,7 +12,7 @@ from common.errors import InputError
 from kitti.objects import CLASSES, class_name
 
 Fusion = Literal["elementwise_product", "concat", "cosine_distance", "dot_product", "none"]
-"""Table III, and none: no association, the refinement sees frame t-1 alone (not in the paper)."""
+"""Table III, and none: no association, only frame t-1 is refined (not in the paper)."""
 FusedFeatures = Literal["DSA2+DFP2", "DSA3+DFP3", "filter+FC2", "filter+FC1"]  # Table IV
 FUSED_FEATURES: tuple[str, ...] = get_args(FusedFeatures)
 
@@ -20,7 +20,7 @@ FUSED_FEATURES: tuple[str, ...] = get_args(FusedFeatures)
 MAX_POINTS, MAX_WIDTH, MAX_NEIGHBORS = 200_000, 8192, 4096
 """Bounds of values read from files: far beyond any use, within the memory of a machine."""
 MIN_RADIUS = 1e-3  # metres; coordinates are divided by the radius
-MAX_MOMENTUM = 0.9999  # at 1 the moving averages stay what they are at the start
+MAX_MOMENTUM = 0.9999  # at 1 the moving averages keep their initial values
 MAX_WEIGHT = 1e6  # of a loss term, far below float32's largest number
 
 

@@ -1,4 +1,4 @@
-"""Imports go one way: README's floors, and the folders that do without TensorFlow."""
+"""Imports go one way: README's floors, and the folders without TensorFlow."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""The documents: tables are the files', links exist, commands have flags that scripts take."""
+"""The documents: tables are the files', links exist, commands have flags that scripts accept."""
 
 import importlib
 import json

@@ -134,7 +134,7 @@ def scene_data(
         f"Errors: clear3d of evaluate.py, classes {', '.join(VEHICLES)}, 3-D IoU at least "
         f"{min_iou:g}." if len(clip.truth) else "No labels: errors are unknown.",
         "World view and ground speed use the sensor's poses." if clip.poses is not None
-        else "The sensor's poses are unknown: no world view, trails as the sensor saw them.",
+        else "The sensor's poses are unknown: no world view, trails in the sensor's frame.",
     ]  # fmt: skip
     poses = None if clip.poses is None else pack(clip.poses.transpose(0, 2, 1), "float32")
     labels = pack_boxes("labels", clip.truth, clip.poses, [m for m, _ in found], (70, 214, 110))

@@ -1,4 +1,4 @@
-"""Every kind of file that is read, damaged: a door takes a folder and a generator."""
+"""Damaged files of every kind: a door is a function of a folder and a random generator."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Fuzzing of every door by which input comes in, seeded and bounded.
+"""Fuzzes every entry point for input (a "door"), seeded and bounded.
 
     python -m campaigns.fuzz --n 2000 --seed 0      (from the root, PYTHONPATH=.:tests)
 
-An input is taken, or refused by an `InputError` in one line. Anything else is a find: it is printed
-with its door and seed, and `--door DOOR --seed SEED --n 1` makes that very input again.
+An input is accepted, or ends in an `InputError` of one line. Anything else is a find: it is printed
+with its door and seed, and `--door DOOR --seed SEED --n 1` makes the same input again.
 """
 
 from __future__ import annotations

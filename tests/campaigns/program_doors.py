@@ -1,4 +1,4 @@
-"""Flags of the scripts, the library and the ops: a door takes a folder and a generator."""
+"""Flags of the scripts, the library and the ops: a door is a function of folder and generator."""
 
 from __future__ import annotations
 

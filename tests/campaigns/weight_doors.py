@@ -1,4 +1,4 @@
-"""Files of weights, damaged: a door takes a folder and a generator."""
+"""Damaged files of weights: a door is a function of a folder and a random generator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""InputError says where, in one line."""
+"""InputError names the place of an error in one line."""
 
 from common.errors import InputError
 

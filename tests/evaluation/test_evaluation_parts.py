@@ -51,7 +51,7 @@ def test_ego_motion_takes_the_frame_before_to_this_one(tmp_path):
     np.savetxt(root / "poses" / "0000.txt", poses.reshape(12, 12))
     motions = Scene(KittiSequence(root, 0)).ego_motions
     np.testing.assert_allclose(motions[0], np.eye(4), atol=1e-12)
-    ahead = motions[5] @ [10.0, 0, 0, 1]  # what stood 10 m ahead is now 8.5 m ahead
+    ahead = motions[5] @ [10.0, 0, 0, 1]  # a point 10 m ahead before is now 8.5 m ahead
     np.testing.assert_allclose(ahead, [8.5, 0, 0, 1], atol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""What a scan in another axis order, unit or mounting looks like: refused, or said."""
+"""Scans in another axis order, unit or mounting: an error, or a note."""
 
 import numpy as np
 import pytest

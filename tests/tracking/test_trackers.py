@@ -1,4 +1,4 @@
-"""What holds for every tracker: hand-made scenes, empty frames, ids, input order, bad input."""
+"""Properties of every tracker: hand-made scenes, empty frames, ids, input order, bad input."""
 
 from __future__ import annotations
 

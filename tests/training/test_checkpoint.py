@@ -1,4 +1,4 @@
-"""Checkpoints: whole or not there, checked before anything is assigned."""
+"""Checkpoints: complete or absent, checked before anything is assigned."""
 
 from __future__ import annotations
 

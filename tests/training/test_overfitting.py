@@ -1,4 +1,4 @@
-"""Both networks learn a fixed batch by heart: losses, targets, decoding and gradients agree."""
+"""Both networks overfit a fixed batch: losses, targets, decoding and gradients agree."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def mota(sequence, frames) -> float:
 
 
 @pytest.mark.slow
-def test_four_frames_are_learnt_by_heart(tiny_data, tmp_path):
+def test_four_frames_are_overfitted(tiny_data, tmp_path):
     """The loss falls to near zero, every box is found, and tracked without a mistake."""
     sequences = open_sequences(tiny_data, [0], "training")
     config = DetectorTrainingConfig(

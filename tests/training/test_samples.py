@@ -1,4 +1,4 @@
-"""What the networks are taught: targets, augmentation."""
+"""Targets and augmentation of the training samples."""
 
 from __future__ import annotations
 
