@@ -18,21 +18,34 @@ import numpy as np
 
 from common import flags
 from common.config_flags import add_flags, from_flags, option
+from common.errors import InputError
 from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
 from evaluation.tracking_loop import result_rows
-from kitti.calibration import read_calibration, standard_mounting
-from kitti.camera_view import check_view, describe_image_size, parse_image_size
+from kitti.calibration import Calibration, read_calibration, standard_mounting
+from kitti.camera_view import (
+    check_view,
+    describe_image_size,
+    parse_image_size,
+    spreads_sideways,
+)
 from kitti.objects import Objects
+from kitti.scans.heading import axis_ahead
 from kitti.scans.point_arrays import MAX_RANGE
 from kitti.scans.scan_files import SUFFIXES, read_points
 from kitti.scans.scan_folder import find_scans
 from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, parse_columns
 from kitti.track_files import WRITERS, parse_formats, write_tracks
 
-PROBED_SCANS = 3
+PROBED_SCANS, PROBED_PAIRS = 3, 5
 DEFAULT_NAME = "tracks"
+COLUMNS_AHEAD = {
+    "y": ("y,-x,z,i", "y,x,z,i"),
+    "-y": ("-y,x,z,i", "-y,-x,z,i"),
+    "-x": ("-x,-y,z,i", "-x,y,z,i"),
+}
+"""By the axis that is ahead: --scan_columns of right-handed and of left-handed axes, z up."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +111,13 @@ class Scans:
         for i in sorted({round(i) for i in np.linspace(0, len(frames) - 1, PROBED_SCANS)}):
             yield self.points(frames[i])
 
+    def consecutive(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Up to `PROBED_PAIRS` pairs of scans of adjacent frames, from the first to the last."""
+        pairs = [(t - 1, t) for t in self.files if t - 1 in self.files]
+        for i in sorted({round(i) for i in np.linspace(0, len(pairs) - 1, PROBED_PAIRS)}):
+            if pairs:
+                yield self.points(pairs[i][0]), self.points(pairs[i][1])
+
     def remarks(self) -> Iterator[str]:
         """Notes on frames without a scan and on dropped points."""
         missing = len(self.frames) - len(self)
@@ -124,6 +144,45 @@ def track_scans(
         frames.append((frame, tracker.update(scans.points(frame))))
         each_frame(frame)
     return result_rows(frames, tracker.calib, tracker.image_size)
+
+
+def look(scans: Scans, calib: Calibration, size: tuple[int, int]) -> tuple[int, int]:
+    """Points in view and points in all of a few scans.
+
+    Raises:
+        InputError: as `check_view`, or the scanner moves along y.
+    """
+    try:
+        seen = check_view(scans.probes(), calib, size)
+    except InputError as error:
+        if error.path is not None:  # a file is at fault
+            raise
+        flags_of_scans = "--scan_columns such as y,-x,z,i, --scan_scale, --calib, --image_size"
+        raise InputError(f"--scans: {error} ({flags_of_scans} describe others)") from error
+    _check_heading(scans, calib)
+    return seen
+
+
+def _check_heading(scans: Scans, calib: Calibration) -> None:
+    """Looks along which axis the surroundings move from scan to scan: x, where x is ahead."""
+
+    def level(points: np.ndarray) -> np.ndarray:
+        return calib.velo_to_level(points[:, :3])
+
+    ahead = axis_ahead([level(points) for points in pair] for pair in scans.consecutive())
+    if ahead is None and any(spreads_sideways(level(points)) for points in scans.probes()):
+        note("the scene is wider than long; if y is ahead, give --scan_columns y,-x,z,i")
+    if ahead in (None, "x"):
+        return
+    columns, mirrored = COLUMNS_AHEAD[ahead]
+    fault = (
+        f"the surroundings move along {ahead} from scan to scan, expected along x, which is ahead: "
+        f"--scan_columns {columns} reads such scans, {mirrored} those of left-handed axes"
+    )
+    if ahead == "-x" or scans.layout.columns is not None:  # it may drive backwards
+        note(fault)
+    else:
+        raise InputError(f"--scans: {fault}")
 
 
 def draw(
@@ -158,7 +217,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
     given = None if args.image_size is None else parse_image_size(args.image_size)
     size, known_from = describe_image_size(calib, given)
-    seen, total = check_view(scans.probes(), calib, size)
+    seen, total = look(scans, calib, size)
     check_writable(args.out)
     from pointtracknet import Tracker  # TensorFlow only for valid input
     from tf_ops.devices import describe_device

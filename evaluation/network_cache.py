@@ -89,6 +89,7 @@ class CachedPredictions:
         path = self.path(scene)
         if _read(path) is not None:
             return False
+        scene.check(poses=False, scans=True)
         stopwatch = self._network.network
         stopwatch.seconds = []
         frames = []

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kitti.check_points import check_points
 from kitti.object_shift import (
     ObjectShift,
     shift_detections,
@@ -32,10 +33,11 @@ class Scene:
         self.frames, self.num_frames = sequence.frames, sequence.num_frames
 
     def check(self, poses: bool, scans: bool) -> None:
-        """Reads labels, calibration and poses, and checks for scans, before any other work."""
+        """Reads labels, calibration and poses, and looks at a few scans, before any other work."""
         _ = self.objects, self.sequence.calib, self.ego_motions if poses else None
         if scans:
             self.sequence.check_scans()
+            check_points(self.sequence)
 
     @cached_property
     def _offsets(self) -> np.ndarray:

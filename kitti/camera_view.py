@@ -28,10 +28,7 @@ MIN_DEPTH = 0.1
 """Least depth of a visible point, metres in front of the left colour camera."""
 LEAST_SHARE = 0.005
 """Least share of a scan's points in view; a full turn has 0.1 to 0.3 in KITTI's view."""
-_EXPECTED = (
-    "expected x ahead, y left, z up in metres (else --scan_columns such as y,-x,z,i and "
-    "--scan_scale) and the calibration of this scanner (--calib, --image_size)"
-)
+_EXPECTED = "expected x ahead, y left, z up in metres and the calibration of this scanner"
 _FEW = 1000  # points; fewer do not determine a scene
 _RANGE = (1.0, 120.0)  # metres, median of the ranges; KITTI's is 9, of the part in view 15
 _HIGH = 0.7  # ratio of height to the wider horizontal side of a street scene; KITTI: below 0.2
@@ -138,10 +135,19 @@ def check_view(
         seen, total = seen + int(inside.sum()), total + len(level)
     if seen < LEAST_SHARE * total:
         raise InputError(
-            f"--scans: {seen} of {total} points lie in the camera's view ({image_size[0]} x "
+            f"{seen} of {total} points lie in the camera's view ({image_size[0]} x "
             f"{image_size[1]} pixels), so nothing can be found: {_EXPECTED}"
         )
     return seen, total
+
+
+def spreads_sideways(level: np.ndarray) -> bool:
+    """True where (n, 3) points of a full turn reach farther to the sides than along the road."""
+    if len(level) < _FEW:
+        return False
+    low, high = np.percentile(level, (5, 95), axis=0)
+    x, y, _ = high - low
+    return low[0] < -1 and y > _SIDEWAYS * x
 
 
 def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
@@ -153,22 +159,20 @@ def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
         return
     middle = np.median(np.linalg.norm(level, axis=1))
     if not _RANGE[0] < middle < _RANGE[1]:
-        raise InputError(f"--scans: a median range of {middle:.3g} m: {_EXPECTED}")
+        raise InputError(f"a median range of {middle:.3g} m: {_EXPECTED}")
     low, high = np.percentile(level, (5, 95), axis=0)
     x, y, z = high - low
-    spread = f"the points spread {x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"
     if z > _HIGH * max(x, y):
-        raise InputError(f"--scans: {spread}: {_EXPECTED}")
-    if low[0] < -1 and y > _SIDEWAYS * x:
-        note(f"{spread}; if y is ahead, give --scan_columns y,-x,z,i")
+        spread = f"{x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"
+        raise InputError(f"the points spread {spread}: {_EXPECTED}")
     near = inside[inside[:, 0] < _NEAR_ROAD]
     if len(near) < _FEW:
         return
     z5, z30, z70, z95 = np.percentile(near[:, 2], (5, 30, 70, 95))
     if z95 - z70 < _FLAT * (z30 - z5) and z70 > 0:
-        raise InputError(f"--scans: the flat side of the scene is above the camera: {_EXPECTED}")
+        raise InputError(f"the flat side of the scene is above the camera: {_EXPECTED}")
     if z30 - z5 < _FLAT * (z95 - z70) and not _ROAD[0] < z5 < _ROAD[1]:
         note(
             f"the road seems to lie {-z5:.1f} m below the camera, in training it was 1.7 m: check "
-            "the unit (--scan_scale) and the mounting (--calib)"
+            "the unit (--scan_scale of track.py) and the calibration"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from functools import cached_property
@@ -188,7 +189,7 @@ class KittiSequence:
     @property
     def has_poses(self) -> bool:
         """True if there is a file of poses."""
-        return self.subset == "training" and self._poses_path.exists()
+        return self.subset == "training" and os.path.lexists(self._poses_path)
 
     @cached_property
     def poses(self) -> np.ndarray | None:
@@ -197,9 +198,13 @@ class KittiSequence:
         From `data_root/poses/00XX.txt` (KITTI odometry's layout, camera 0); None without it.
         The published poses are of the training sequences, so testing has none.
         """
-        if not self.has_poses:
-            return None
         path = self._poses_path
+        if path.parent.exists() and not path.parent.is_dir():
+            raise InputError("expected a folder with files 00XX.txt, found a file", path.parent)
+        if not self.has_poses:
+            if self.subset == "training" and path.parent.is_dir():
+                note(f"{path.parent}: there is no {path.name}, so the ego motion is unknown")
+            return None
         table = read_table(path, (12,))
         if len(table) < self.num_frames:
             expected = f"expected {self.num_frames} rows (a pose per frame), found {len(table)}"

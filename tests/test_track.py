@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.small_weights import write_weights
+from helpers.street import as_seen, drive
 
 import track
 from common import flags
 from common.errors import InputError
+from common.notes import note
 from kitti.calibration import standard_mounting, write_calibration
 from kitti.labels import read_results
 from kitti.scans.point_arrays import as_points
@@ -201,3 +203,27 @@ def test_bad_input_is_one_line(tmp_path, capsys, make, message):
     assert flags.run(track.main, [str(a) for a in argv]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and message in error
+
+
+@pytest.mark.parametrize(
+    ("ahead", "flag"), [("y", "--scan_columns y,-x,z,i"), ("-y", "--scan_columns -y,x,z,i")]
+)
+def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
+    tmp_path, capsys, ahead, flag
+):
+    for t in range(3):
+        points = np.pad(as_seen(drive(1.2 * t), ahead), ((0, 0), (0, 1)))
+        write_scan(tmp_path / "scans" / f"{t}.bin", points)
+    argv = ["--scans", tmp_path / "scans", "--out", tmp_path / "out", "--weights", tmp_path / "no"]
+    argv = [str(word) for word in argv]
+    assert flags.run(track.main, argv) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"move along {ahead} from scan to scan" in error
+    assert flag in error and not (tmp_path / "out").exists()
+    for t in (1, 2):
+        (tmp_path / "scans" / f"{t}.bin").unlink()
+    note.cache_clear()
+    assert flags.run(track.main, argv) == 2  # a single scan does not move
+    assert "the scene is wider than long" in capsys.readouterr().err
+    assert flags.run(track.main, [*argv, *flag.split()]) == 2
+    assert capsys.readouterr().err.endswith("detector.npz: expected a checkpoint file\n")

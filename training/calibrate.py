@@ -19,6 +19,7 @@ from common.errors import InputError
 from common.files import write_json
 from common.flags import ArgumentParser, positive_int, run
 from common.provenance import provenance
+from kitti.check_points import check_points
 from kitti.seqmap import parse_sequences
 from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
 from metrics.scored_boxes import best_threshold
@@ -81,6 +82,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         raise InputError("--exam_seqs: expected --exam_root with it")
     seqs = {"real": flags.real_seqs, "simulated": flags.simulated_seqs}
     opened = {kind: _open(found, seqs[kind]) for kind, found in roots.items()}
+    for sequence in (s for found in opened.values() for s in found):
+        check_points(sequence)
     exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []
     detector = load_detector(flags.weights / "detector.npz")
     finder = CandidateFinder(detector, DecodingConfig())

@@ -6,7 +6,7 @@ import pytest
 from common.errors import InputError
 from common.notes import note
 from kitti.calibration import standard_mounting
-from kitti.camera_view import check_view, describe_image_size
+from kitti.camera_view import check_view, describe_image_size, spreads_sideways
 
 SIZE = (1242, 375)
 
@@ -64,9 +64,13 @@ def test_points_at_the_origin_are_no_returns(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_a_scene_turned_sideways_or_in_another_unit_is_noted(capsys):
-    check(street()[:, [1, 0, 2]])
-    assert "if y is ahead, give --scan_columns y,-x,z,i" in capsys.readouterr().err
+def test_a_scene_turned_sideways_is_known():
+    assert not spreads_sideways(street())
+    assert spreads_sideways(street()[:, [1, 0, 2]])
+    assert not spreads_sideways(street(900)[:, [1, 0, 2]])
+
+
+def test_a_scene_in_another_unit_is_noted(capsys):
     check(street() * 3.28)
     assert "the road seems to lie 5." in capsys.readouterr().err
 

@@ -141,6 +141,22 @@ def test_testing_subset_has_no_labels(kitti_folder):
     assert KittiSequence(root, 0, "testing").num_frames == 6
 
 
+def test_poses_that_are_not_where_they_belong(kitti_folder, capsys):
+    root = kitti_folder(ROWS)
+    (root / "poses").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    sequence = KittiSequence(root, 0)
+    assert not sequence.has_poses
+    with pytest.raises(InputError, match=r"poses: expected a folder with files 00XX\.txt"):
+        _ = sequence.poses
+    (root / "poses").unlink()
+    (root / "poses").mkdir()
+    assert KittiSequence(root, 0).poses is None
+    assert "poses: there is no 0000.txt, so the ego motion is unknown" in capsys.readouterr().err
+    (root / "poses" / "0000.txt").symlink_to(root / "nowhere")
+    with pytest.raises(InputError, match=r"0000\.txt: cannot be read"):
+        _ = KittiSequence(root, 0).poses
+
+
 def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     root = kitti_folder([label_row(t, 1) for t in range(2)])
     assert KittiSequence(root, 0).poses is None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import InputError
+from kitti.check_points import check_points
 from kitti.seqmap import parse_sequences
 from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
 
@@ -124,8 +125,8 @@ def open_data(flags: argparse.Namespace) -> TrainingData:
     """Opens the sequences that the flags of `add_data_flags` name.
 
     Raises:
-        InputError: a root or sequence is missing, counts of flags differ, shares do not fit, or a
-            sequence is both trained and validated on.
+        InputError: a root or sequence is missing, counts of flags differ, shares do not fit, a
+            sequence is both trained and validated on, or its scans do not fit its labels.
     """
     roots = flags.data_root
     val_roots = flags.val_data_root or roots[:1]
@@ -140,11 +141,14 @@ def open_data(flags: argparse.Namespace) -> TrainingData:
                 f"sequence {both[0]:04d}: expected either in --seqs or in --val_seqs", root
             )
     counts = [len(seqs) for _, seqs in trained]
-    return TrainingData(
+    data = TrainingData(
         [sequence for root, seqs in trained for sequence in open_sequences(root, seqs)],
         [sequence for root, seqs in validated for sequence in open_sequences(root, seqs)],
         _pools(counts, flags.share),
     )
+    for sequence in (*data.training, *data.validation):
+        check_points(sequence)
+    return data
 
 
 def _numbers(
