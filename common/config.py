@@ -73,7 +73,7 @@ def _convert(
         return _one_of(arguments, value, name, path, bounds)
     if kind in (int, float):
         return _number(kind, value, name, path, bounds)
-    if kind is Path and isinstance(value, str):
+    if kind is Path and isinstance(value, str) and value:
         return Path(value)
     if not isinstance(value, kind):
         raise InputError(f"{name}: expected {kind.__name__}, found {_short(value)}", path)

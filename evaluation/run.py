@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from common.config import to_dict
 from common.errors import InputError
 from common.files import write_json, write_text
@@ -30,6 +32,7 @@ from evaluation.tracking_loop import track_scene
 from kitti.labels import write_results
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
+from kitti.tables import text_file
 from metrics.comparison import track_scores
 from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
@@ -145,6 +148,10 @@ def _above_threshold(
         threshold = best_threshold(config.protocols[0], entries, config.classes, config.iou)
     if threshold is None:
         return results, None
+    unscored = [name for name, rows in results.items() if np.isnan(rows.score).any()]
+    if unscored and config.score_threshold != BEST:
+        found = f"sequence {unscored[0]} has none"
+        raise InputError(f"--score_threshold: expected scores in the results, {found}")
     return {n: rows[track_scores(rows) >= threshold] for n, rows in results.items()}, threshold
 
 
@@ -159,7 +166,7 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
 
 
 def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
-    return {s.name: s.sequence.read_results(folder / f"{s.name}.txt") for s in scenes}
+    return {s.name: s.sequence.read_results(text_file(folder, s.name)) for s in scenes}
 
 
 def check_writable(folder: Path) -> None:

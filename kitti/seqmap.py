@@ -8,6 +8,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.files import write_text
+from common.notes import note
 from kitti.labels import MAX_FRAMES
 from kitti.tables import read_table
 
@@ -95,7 +96,12 @@ def write_seqmap(data_root: str | Path, subset: str, frames: dict[int, int]) -> 
 def frames_in_seqmap(data_root: str | Path, subset: str, seq: int) -> range | None:
     """Frames of `seq` by the seqmap of `subset`; None without a seqmap or if it lacks `seq`."""
     path = find_seqmap(data_root, subset)
-    return None if path is None else read_seqmap(path).get(seq)
+    if path is None:
+        return None
+    frames = read_seqmap(path)
+    if seq not in frames:
+        note(f"{path}: sequence {sequence_name(seq)} is not in it, its frames are not limited")
+    return frames.get(seq)
 
 
 def check_subset(subset: str) -> str:

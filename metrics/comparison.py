@@ -6,7 +6,7 @@ Letters: R rows of the truth, S rows of the results, F frames, M and K rows in o
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy as np
 from kitti.objects import Objects
 
 Similarity = Callable[[np.ndarray, np.ndarray], np.ndarray]
+EXACT = 2**53
+"""From here on float64 does not hold every integer."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ def compare(
     field: str = "boxes",
 ) -> Comparison:
     """Sorts rows into frames and computes `similarity(truth.field, results.field)` in each."""
+    truth, results = with_exact_ids(truth), with_exact_ids(results)
     truth_rows = rows_by_frame(truth.frame, num_frames)
     result_rows = rows_by_frame(results.frame, num_frames)
     a, b = getattr(truth, field), getattr(results, field)
@@ -78,6 +81,14 @@ def compare(
     _, track = np.unique(results.track_id, return_inverse=True)
     scores = track_scores(results)
     return Comparison(name, truth, results, truth_rows, result_rows, values, track, scores)
+
+
+def with_exact_ids(objects: Objects) -> Objects:
+    """Ids beyond float64's integers, which motmetrics would round, are numbered anew from 0."""
+    if np.abs(objects.track_id).max(initial=0) < EXACT:
+        return objects
+    ids, numbers = np.unique(objects.track_id, return_inverse=True)
+    return replace(objects, track_id=np.where(objects.track_id < 0, -1, numbers - (ids < 0).sum()))
 
 
 def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:

@@ -68,6 +68,15 @@ def test_a_bad_file_is_named(tmp_path, text, message):
         read("--config", str(tmp_path / "config.json"))
 
 
+def test_an_empty_path_is_not_the_working_directory(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        read("--root", "")
+    assert "--root: expected a path, found ''" in capsys.readouterr().err
+    (tmp_path / "config.json").write_text('{"root": ""}')
+    with pytest.raises(InputError, match="--root: expected Path, found ''"):
+        read("--config", str(tmp_path / "config.json"))
+
+
 def test_missing_file_and_missing_flag():
     with pytest.raises(InputError, match=r"nowhere\.json: cannot be read"):
         read("--config", "nowhere.json")

@@ -1,7 +1,9 @@
 """evaluate.py on unusual data: half sequences, other layouts, thresholds, classes."""
 
+import gzip
 import json
 import shutil
+import warnings
 
 import numpy as np
 import pytest
@@ -140,3 +142,36 @@ def test_networks_without_any_scan_are_refused(root, tmp_path, fails, argv):
     given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "out", *argv)
     assert "0000: expected scans such as 000000.bin to 000011.bin, found none" in fails(*given)
     assert not list((tmp_path / "out").rglob("*.txt"))
+
+
+def test_switches_between_the_largest_ids_are_counted(root, tmp_path):
+    """Each vehicle's id changes by one in frame 6, at the end of what 64 bits hold."""
+    run(root, tmp_path / "whole")
+    path = tmp_path / "whole" / "tracks" / "0000.txt"
+    words = [line.split(" ") for line in path.read_text().splitlines()]
+    for row in words:
+        row[1] = str(2**63 - 1 - 2 * int(row[1]) - (int(row[0]) >= 6))
+    path.write_text("".join(" ".join(row) + "\n" for row in words))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figures = run(root, tmp_path / "again", "--results", path.parent, "--protocol", ALL)
+    assert [figures[name]["overall"]["IDS"] for name in ("clear3d", "kitti2d")] == [3, 2]
+
+
+def test_compressed_results_are_read(root, tmp_path):
+    whole = run(root, tmp_path / "whole")
+    path = tmp_path / "whole" / "tracks" / "0000.txt"
+    path.with_name("0000.txt.gz").write_bytes(gzip.compress(path.read_bytes()))
+    path.unlink()
+    again = run(root, tmp_path / "again", "--results", path.parent)
+    assert again["clear3d"] == whole["clear3d"]
+
+
+def test_a_threshold_on_results_without_scores_is_refused(root, tmp_path, fails):
+    run(root, tmp_path / "whole")
+    path = tmp_path / "whole" / "tracks" / "0000.txt"
+    lines = [line.rpartition(" ")[0] for line in path.read_text().splitlines()]
+    path.write_text("".join(line + "\n" for line in lines))
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "b")
+    message = fails(*given, "--results", path.parent, "--score_threshold", "0.5")
+    assert "expected scores in the results, sequence 0000 has none" in message

@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from kitti.seqmap import TEST, VAL, parse_sequences, sequence_name
+from kitti.seqmap import (
+    TEST,
+    VAL,
+    frames_in_seqmap,
+    parse_sequences,
+    sequence_name,
+    write_seqmap,
+)
 
 
 def test_splits():
@@ -36,3 +43,12 @@ def test_refuses(text):
 @given(st.lists(st.integers(0, 9999), min_size=1, max_size=20, unique=True))
 def test_names_are_read_back(seqs):
     assert parse_sequences(",".join(map(sequence_name, seqs))) == seqs
+
+
+def test_a_sequence_that_the_seqmap_lacks_is_noted(tmp_path, capsys):
+    assert frames_in_seqmap(tmp_path, "training", 3) is None
+    write_seqmap(tmp_path, "training", {2: 5})
+    assert frames_in_seqmap(tmp_path, "training", 2) == range(5)
+    assert capsys.readouterr().err == ""
+    assert frames_in_seqmap(tmp_path, "training", 3) is None
+    assert "seqmap.training: sequence 0003 is not in it" in capsys.readouterr().err

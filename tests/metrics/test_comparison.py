@@ -4,7 +4,7 @@ import numpy as np
 from helpers.metric_cases import random_entry, rows
 
 from kitti.iou import iou_2d
-from metrics.comparison import compare, rows_by_frame, track_scores
+from metrics.comparison import compare, rows_by_frame, track_scores, with_exact_ids
 
 
 def test_rows_by_frame_keeps_order_and_gives_empty_frames():
@@ -25,3 +25,11 @@ def test_above_keeps_whole_tracks():
     for track in np.unique(entry.results.track_id):
         assert len(set(keep[entry.results.track_id == track])) == 1
     assert found.above(None).all() and 0 < keep.sum() < len(keep)
+
+
+def test_ids_beyond_the_integers_of_float64_stay_different():
+    box, bbox = [[9, 0, 0, 4, 2, 1.5, 0]] * 4, [[0, 0, 1, 1]] * 4
+    tracks = rows("Car", [0, 0, 1, 1], [2**63 - 2, 2**63 - 1, 7, 2**63 - 2], box, bbox)
+    assert with_exact_ids(tracks).track_id.tolist() == [1, 2, 0, 1]
+    small = rows("Car", [0, 0, 1, 1], [2**53 - 2, -1, 7, 5], box, bbox)
+    assert with_exact_ids(small) is small
