@@ -32,6 +32,7 @@ _EXPECTED = "expected x ahead, y left, z up in metres and the calibration of thi
 _FEW = 1000  # points; fewer do not determine a scene
 _RANGE = (1.0, 120.0)  # metres, median of the ranges; KITTI's is 9, of the part in view 15
 _HIGH = 0.7  # ratio of height to the wider horizontal side of a street scene; KITTI: below 0.2
+_STEEP = 1.5  # the same to its narrower side; KITTI's is below 0.3
 _FLAT = 0.3  # ratio of the spread of road heights to that of objects on it; KITTI: 0.1
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
 _NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
@@ -126,13 +127,15 @@ def check_view(
         InputError: almost no point is in the view, or the points are not a street scene: as high
             as wide, or above the camera.
     """
-    seen = total = 0
+    seen = total = read = 0
     for points in scans:
         returned = (points[:, :3] != 0).any(axis=1)  # some scanners give 0 0 0 for no return
         level = calib.velo_to_level(points[returned, :3])
         inside = in_camera_view(level, calib, image_size)
         _check_axes(level, level[inside])
-        seen, total = seen + int(inside.sum()), total + len(level)
+        seen, total, read = seen + int(inside.sum()), total + len(level), read + len(points)
+    if total == 0 and read > 0:
+        raise InputError(f"all of {read} points lie at the origin, so there is no return")
     if seen < LEAST_SHARE * total:
         raise InputError(
             f"{seen} of {total} points lie in the camera's view ({image_size[0]} x "
@@ -162,7 +165,7 @@ def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
         raise InputError(f"a median range of {middle:.3g} m: {_EXPECTED}")
     low, high = np.percentile(level, (5, 95), axis=0)
     x, y, z = high - low
-    if z > _HIGH * max(x, y):
+    if z > _HIGH * max(x, y) or z > _STEEP * min(x, y):
         spread = f"{x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"
         raise InputError(f"the points spread {spread}: {_EXPECTED}")
     near = inside[inside[:, 0] < _NEAR_ROAD]

@@ -45,6 +45,7 @@ def test_a_street_is_taken_without_a_word(capsys):
             r"the points spread .* and .* m upwards: expected x ahead",
         ),
         ((2, 1, 0), (1, 1, 1), r"the points spread .* and .* m upwards"),
+        ((0, 2, 1), (1, 1, 1), r"the points spread .* and .* m upwards"),
         ((0, 1, 2), (1, -1, -1), r"flat side of the scene is above the camera: expected .* z up"),
     ],
 )
@@ -73,6 +74,12 @@ def test_a_scene_turned_sideways_is_known():
 def test_a_scene_in_another_unit_is_noted(capsys):
     check(street() * 3.28)
     assert "the road seems to lie 5." in capsys.readouterr().err
+
+
+def test_nothing_but_points_at_the_origin_is_refused():
+    with pytest.raises(InputError, match="all of 50 points lie at the origin"):
+        check(np.zeros((50, 3)))
+    assert check(np.zeros((0, 3))) == (0, 0)
 
 
 def test_few_points_or_no_scene_are_not_judged(capsys):
