@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 from helpers.small_files import ply
 
-from campaigns.mutations import damaged, nasty_word
+from campaigns.mutations import damaged, damaged_points, nasty_word
 from common.config import from_dict, parse_json, to_dict
 from common.steps import Steps
 from kitti.calibration import read_calibration, standard_mounting, write_calibration
-from kitti.camera_view import image_size_of
+from kitti.camera_view import check_view, image_size_of
 from kitti.detections import read_detection_folder
 from kitti.labels import read_labels, read_results, write_results
+from kitti.scans.heading import axis_ahead
+from kitti.scans.point_arrays import as_points
 from kitti.scans.scan_files import read_points, write_scan
 from kitti.scans.scan_folder import find_scans
 from kitti.scans.scan_layout import ScanLayout
@@ -132,6 +134,17 @@ def scans(folder: Path, rng: np.random.Generator) -> None:
     assert np.isfinite(points[:, :3]).all()
 
 
+def views(_folder: Path, rng: np.random.Generator) -> None:
+    """Scans of any axes, and impossible ones, before a calibration; the way ahead is an axis."""
+    points = [
+        as_points(part)[0][:, :3] for part in (damaged_points(rng), damaged_points(rng, 3000))
+    ]
+    scans = [points[rng.integers(2)] @ np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2)]
+    assert axis_ahead([(scans[0], scans[1])]) in (None, "x", "-x", "y", "-y")
+    seen, total = check_view(scans, standard_mounting(), (1242, 375))
+    assert seen <= total and (seen or not total)
+
+
 def scan_names(folder: Path, rng: np.random.Generator) -> None:
     """Folders of files with odd names."""
     for _ in range(rng.integers(1, 6)):
@@ -164,6 +177,7 @@ FILE_DOORS: tuple[Callable[[Path, np.random.Generator], None], ...] = (
     sequence,
     seqmap,
     scans,
+    views,
     scan_names,
     configurations,
     steps,

@@ -27,12 +27,25 @@ from simulator import __main__ as simulator
 
 ABSENT = "/nonexistent"
 SCRIPTS = {
-    evaluate: ("--data_root", "--seqs", "--iou", "--seed", "--protocol", "--score_threshold"),
-    track: ("--scans", "--calib", "--image_size", "--scan_columns", "--scan_dtype", "--format"),
-    train_det: ("--data_root", "--schedule.epochs", "--schedule.seed", "--detector.num_points"),
-    train_track: ("--schedule.batch_size", "--tracker.set_abstraction", "--schedule.beta1"),
-    visualize: ("--seq", "--frame", "--displacements", "--animation_frames"),
-    simulator: ("--split", "--sequences", "--frames", "--seqs", "--seed"),
+    evaluate: (
+        *("--data_root", "--seqs", "--iou", "--seed", "--protocol", "--score_threshold"),
+        *("--classes", "--tracker", "--object_shift", "--config"),
+    ),
+    track: (
+        *("--scans", "--calib", "--image_size", "--scan_columns", "--scan_dtype", "--format"),
+        *("--scan_scale", "--animation_frames", "--config"),
+    ),
+    train_det: (
+        *("--data_root", "--share", "--seqs", "--workers", "--detector.num_points"),
+        *("--detector.set_upconv", "--detector.box.classes", "--loss.mask", "--query_points"),
+        *("--schedule.epochs", "--schedule.seed", "--schedule.clip_norm", "--schedule.epsilon"),
+    ),
+    train_track: (
+        *("--schedule.batch_size", "--schedule.keep_checkpoints", "--schedule.beta1"),
+        *("--tracker.set_abstraction", "--tracker.association_radius", "--deep_supervision"),
+    ),
+    visualize: ("--seq", "--frame", "--displacements", "--results", "--seed"),
+    simulator: ("--split", "--sequences", "--frames", "--seqs", "--seed", "--processes"),
 }
 """Some of their flags."""
 REQUIRED = {
@@ -52,7 +65,8 @@ def command_lines(folder: Path, rng: np.random.Generator) -> None:
     if script not in (train_det, train_track):
         argv += ["--out", str(folder / "out")]
     for _ in range(rng.integers(1, 4)):
-        argv = [*argv, f"{SCRIPTS[script][rng.integers(len(SCRIPTS[script]))]}={nasty_word(rng)}"]
+        name, word = SCRIPTS[script][rng.integers(len(SCRIPTS[script]))], nasty_word(rng)
+        argv += [f"{name}={word}"] if rng.random() < 0.5 else [name, word]
     argv = [word.replace("\0", "") for word in argv]  # no process can be given one
     (folder / "out").write_text("taken")
     errors = io.StringIO()
