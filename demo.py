@@ -6,8 +6,6 @@ Without --data_root a few held-out sequences of the simulator's own traffic are 
 Finished steps are skipped, so an interrupted demo resumes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common import flags

@@ -7,8 +7,6 @@ evaluates it. `--out` gets tracks/00XX.txt, table.md and metrics.json; with `--s
 submission.zip for the KITTI server.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

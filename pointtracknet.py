@@ -6,8 +6,6 @@ for path in sorted(Path("scans").glob("*.bin")):
     print(tracks.ids, tracks.boxes)
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +63,7 @@ class Tracker:
         image_size: tuple[int, int] | None = None,
         score_threshold: float | None = None,
         **parameters: float,
-    ) -> Tracker:
+    ) -> "Tracker":
         """Loads the networks of a folder that holds detector.npz, tracker.npz and scorer.json.
 
         Args:

@@ -8,8 +8,6 @@ Scans are KITTI's .bin files (x, y, z, intensity as float32; x ahead, y left, z 
 are found where the camera of the calibration looks: the networks were trained on its view.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path

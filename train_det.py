@@ -3,8 +3,6 @@
 python train_det.py --data_root DIR --seqs 0000-0015 --workdir runs/detector
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common.flags import run

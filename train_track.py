@@ -3,8 +3,6 @@
 python train_track.py --data_root DIR --detector weights/detector.npz --workdir runs/tracker
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common.flags import run

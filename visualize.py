@@ -8,8 +8,6 @@
     python visualize.py network --data_root DATA --seq 0016 --out DIR
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ A field's metadata may hold `least` and `most`, bounds of its number or of each 
 tuple, and `least_items` (1) and `most_items` (64) of a tuple of any length.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

@@ -5,8 +5,6 @@ the fields, or a record with the fields under "config", as the scripts write it 
 flag overrides the file.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """The exception for invalid user input."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """Reads regular files of bounded size; writes files atomically."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

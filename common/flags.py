@@ -1,7 +1,5 @@
 """Command-line behaviour shared by every script: one-line errors, exit code 2."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import math

@@ -1,7 +1,5 @@
 """Finds the project's files that a module imports, without running them."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Markdown tables with aligned columns, readable in a terminal too."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

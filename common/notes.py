@@ -1,7 +1,5 @@
 """Notes on accepted input, on standard error, each once in a process."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Reads NumPy's .npy format from bytes, without executing code or allocating undeclared memory."""
 
-from __future__ import annotations
-
 import io
 import math
 

@@ -1,7 +1,5 @@
 """Progress with an ETA: a bar on a terminal, plain lines elsewhere."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -61,7 +59,7 @@ class Progress:
             f"ETA {eta}{metrics}"
         )
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> "Progress":
         return self
 
     def __exit__(self, *exc: object) -> None:

@@ -1,7 +1,5 @@
 """Provenance of a result: command, config, seed, data, software versions and git commit."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shlex

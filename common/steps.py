@@ -1,7 +1,5 @@
 """Steps of a long job; a finished step is skipped while its inputs are unchanged."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

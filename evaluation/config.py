@@ -1,7 +1,5 @@
 """Evaluation settings, validated on construction."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass

@@ -3,8 +3,6 @@
 TensorFlow is imported only where the networks are loaded. Letters: M boxes of a frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -76,7 +74,7 @@ class DetectionFiles:
 class NetworkStream:
     """Scans of one sequence, in order, to detections; each scan passes the detector once."""
 
-    def __init__(self, network: StreamingNetwork):
+    def __init__(self, network: "StreamingNetwork"):
         self.network = network
         self.class_names = np.array(network.detector.config.box.classes)
         self.state: FrameState | None = None
@@ -88,7 +86,7 @@ class NetworkStream:
         """
         return self.follow(self.network.detect(points, t), t)
 
-    def follow(self, state: FrameState, t: int) -> FrameDetections:
+    def follow(self, state: "FrameState", t: int) -> FrameDetections:
         """As `detect`, of a scan that has passed the detector."""
         previous, self.state = self.state, state
         found = self.state.detections
@@ -111,11 +109,13 @@ class NetworkDetections:
         boxes: provider of the boxes in place of the detector (labels, files), if given.
     """
 
-    def __init__(self, network: StreamingNetwork, boxes: DetectionProvider | None = None):
+    def __init__(self, network: "StreamingNetwork", boxes: DetectionProvider | None = None):
         self.network, self.boxes = network, boxes
 
     @classmethod
-    def load(cls, weights: str | Path, boxes: DetectionProvider | None = None) -> NetworkDetections:
+    def load(
+        cls, weights: str | Path, boxes: DetectionProvider | None = None
+    ) -> "NetworkDetections":
         """Loads the networks of a folder of weights; boxes of every score are found.
 
         Raises:

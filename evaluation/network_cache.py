@@ -6,8 +6,6 @@ others writes another one. TensorFlow is imported only where the networks have t
 Letters: F frames, R boxes of all frames, n points of a frame, C channels of the appearance.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import zipfile

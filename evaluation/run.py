@@ -1,7 +1,5 @@
 """One evaluation from a configuration to metrics and files."""
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """A sequence under evaluation: labels, detections and points, as on disk or shifted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Several trackers on the same boxes, with the time of each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

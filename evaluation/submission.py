@@ -1,7 +1,5 @@
 """Submission to the KITTI server: one zip with a result file per testing sequence."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path

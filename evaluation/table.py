@@ -1,7 +1,5 @@
 """Metrics as Markdown tables; metrics.json holds the same numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tracks a scene and converts the tracks to rows of a result file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property

@@ -7,8 +7,6 @@ KITTI's ignore rules as AB3DMOT's evaluator applies them, 3-D IoU 0.25, 0.5 and 
 0.5, each at the score threshold of its best MOTA.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

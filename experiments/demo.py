@@ -1,7 +1,5 @@
 """The demo: data, networks, trackers, pictures, page; finished steps are skipped."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping

@@ -9,8 +9,6 @@ and standard deviation over `--seeds`. Prints a table; writes networks.md and ne
 networks run once for each seed; an interrupted run resumes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

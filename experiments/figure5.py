@@ -8,8 +8,6 @@ the labels (the paper's "gt_tracking"), on true boxes. The networks run once for
 seed, about 0.2 s a frame. Writes figure5.csv (mean and spread over the seeds), .json and .png.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Numbers printed in the papers, for comparison with ours."""
 
-from __future__ import annotations
-
 TABLE5_COLUMNS = ("MOTA", "MOTP", "MT", "ML", "IDS", "FRAG")
 
 # Table V of the PointTrackNet paper: boxes -> method -> D in metres -> the six columns above.

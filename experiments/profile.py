@@ -7,8 +7,6 @@ floor (the block's floating-point operations at the rate of a large float32 matr
 in the same process) and the bytes that its linear layers move. Writes profile.md and profile.json.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass

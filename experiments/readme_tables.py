@@ -9,8 +9,6 @@ machine, versions, command) from docs/tables/NAME.json, or a line that says that
 The table `summary` is made of validation.json and real.json.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Flags, evaluations over seeds, and written files that experiments and studies share."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

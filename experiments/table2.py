@@ -8,8 +8,6 @@ A step of training is timed with the input pipeline and with one batch repeated:
 the cost of the pipeline. Prints a table; writes table2.json and table2.md.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import statistics
 import tempfile

@@ -8,8 +8,6 @@ alone. "No association" is not in the paper: the refinement uses frame t-1 alone
 contribution of the association head. `experiments.ablation.rows` describes training and evaluation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common import flags

@@ -7,8 +7,6 @@
 that is in both tables is trained once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common import flags

@@ -12,8 +12,6 @@ Mean and standard deviation over `--seeds` of the object shift. Writes table5.md
 Without networks it takes minutes; the networks run once for each seed, about 0.2 s a frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

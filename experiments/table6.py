@@ -8,8 +8,6 @@ with labels, so the rows compare with each other and not with the paper's. The n
 about 0.2 s a frame. Writes table6.md and table6.json.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from common import flags

@@ -1,7 +1,5 @@
 """Boxes of the level frame: conversion from and to KITTI's, corners, points inside, projection."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.calibration import Calibration

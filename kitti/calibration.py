@@ -1,7 +1,5 @@
 """Calibration of one sequence: Velodyne -> camera 0 -> level frame, and into the left image."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """View of the left colour camera: image size, points of a scan inside it, checks of the axes."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Looks at a few scans of a sequence: do they fit its calibration and its labels?"""
 
-from __future__ import annotations
-
 import numpy as np
 
 from common.errors import InputError

@@ -1,7 +1,5 @@
 """Detections: one file per sequence (AB3DMOT's, or KITTI results), or one per frame."""
 
-from __future__ import annotations
-
 import os
 import re
 from dataclasses import replace

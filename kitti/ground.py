@@ -7,8 +7,6 @@
 4. The residuals of the cells near the surface are smoothed over their neighbourhood and added.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +106,7 @@ class _Cells:
     origin: np.ndarray
 
     @staticmethod
-    def of(xy: np.ndarray, cell_m: float) -> _Cells:
+    def of(xy: np.ndarray, cell_m: float) -> "_Cells":
         low = xy.min(axis=0)
         ij = ((xy - low) / np.float32(cell_m)).astype(np.int64)
         rows, columns = (int(size) for size in ij.max(axis=0) + 1)

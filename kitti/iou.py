@@ -3,8 +3,6 @@
 Shapely computes the areas of rotated boxes, for pairs that may overlap.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

@@ -1,7 +1,5 @@
 """Label files (17 columns) and result files (18)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +29,7 @@ class Limit(int):
 
     origin: str
 
-    def __new__(cls, frames: int, origin: str = "") -> Limit:
+    def __new__(cls, frames: int, origin: str = "") -> "Limit":
         """Args: frames: their number; origin: source of that number."""
         made = super().__new__(cls, frames)
         made.origin = getattr(frames, "origin", origin)

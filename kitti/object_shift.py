@@ -16,8 +16,6 @@ it clear of all others (those of larger ids still in their labelled places); an 
 clear draw keeps its place. A held shift must be clear in every frame of its object.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Labelled, detected or tracked objects of one sequence, as arrays over rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -88,7 +86,7 @@ class Objects:
     def __len__(self) -> int:
         return len(self.frame)
 
-    def __getitem__(self, index: np.ndarray | slice) -> Objects:
+    def __getitem__(self, index: np.ndarray | slice) -> "Objects":
         """The rows chosen by a mask, an index array or a slice."""
         chosen = object.__new__(Objects)  # the arrays are checked already
         for name in _DTYPES:
@@ -99,14 +97,14 @@ class Objects:
     def _in_order(self) -> bool:
         return bool((np.diff(self.frame) >= 0).all())
 
-    def at(self, frame: int) -> Objects:
+    def at(self, frame: int) -> "Objects":
         """The rows of one frame, in file order; fast where the rows are sorted by frame."""
         if not self._in_order:
             return self[self.frame == frame]
         first, last = np.searchsorted(self.frame, (frame, frame + 1))
         return self[first:last]
 
-    def of_classes(self, classes: Sequence[str]) -> Objects:
+    def of_classes(self, classes: Sequence[str]) -> "Objects":
         """The rows whose type is one of `classes`."""
         chosen = np.zeros(len(self), bool)
         for name in classes:
@@ -114,14 +112,14 @@ class Objects:
         return self[chosen]
 
     @staticmethod
-    def empty() -> Objects:
+    def empty() -> "Objects":
         """No rows."""
         return Objects(
             **{name: np.zeros((0, _WIDTHS[name]) if name in _WIDTHS else 0) for name in _DTYPES}
         )
 
     @staticmethod
-    def concatenate(parts: Iterable[Objects]) -> Objects:
+    def concatenate(parts: Iterable["Objects"]) -> "Objects":
         """All rows of `parts` in order."""
         parts = [Objects.empty(), *parts]
         return Objects(
@@ -137,7 +135,7 @@ class Objects:
         *,
         kind: np.ndarray | str = "Car",
         bbox: np.ndarray | None = None,
-    ) -> Objects:
+    ) -> "Objects":
         """Rows for (R, 7) level boxes; scalars hold for all rows.
 
         `bbox` (R, 4) is as `project_boxes` gives it; NaN rows, and all rows if it is None, are

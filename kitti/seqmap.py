@@ -1,7 +1,5 @@
 """Numbers of sequences, their splits, and sequence maps (`evaluate_tracking.seqmap*`)."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

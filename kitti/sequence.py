@@ -1,7 +1,5 @@
 """One sequence of a data set in KITTI's tracking layout, opened lazily."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

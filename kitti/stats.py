@@ -3,8 +3,6 @@
 Frames, adjacent pairs, trajectories and boxes per class and for Car + Van, per sequence and in all.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from typing import Any

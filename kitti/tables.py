@@ -1,7 +1,5 @@
 """Text tables: NumPy parses the whole file; on failure a second pass finds the faulty line."""
 
-from __future__ import annotations
-
 import codecs
 import gzip
 import io

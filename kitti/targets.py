@@ -1,7 +1,5 @@
 """Training targets: foreground points and association displacements."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.boxes import points_in_boxes

@@ -1,7 +1,5 @@
 """Tracks as tables for other programs: comma-separated values and JSON lines."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

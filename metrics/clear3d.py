@@ -4,8 +4,6 @@ No ignore rules: every ground-truth box is evaluated, every unmatched result is 
 except ignorable results in `clear3d_dontcare`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Letters: R rows of the truth, S rows of the results, F frames, M and K rows in one frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise

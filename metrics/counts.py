@@ -1,7 +1,5 @@
 """Counts of the CLEAR MOT protocols, and the metrics computed from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
@@ -33,7 +31,7 @@ class Counts:
     mostly_lost: int = 0
     similarity: float = 0.0
 
-    def __add__(self, other: Counts) -> Counts:
+    def __add__(self, other: "Counts") -> "Counts":
         return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     @property

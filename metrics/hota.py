@@ -4,8 +4,6 @@ HOTA: Luiten et al., IJCV 2020; IDF1: Ristani et al., 2016. Both on frames after
 ignore rules (`kitti2d.clean`), with 2-D or 3-D IoU as similarity.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

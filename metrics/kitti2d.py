@@ -1,7 +1,5 @@
 """The KITTI server's rules on 2-D boxes, as TrackEval applies them (`Kitti2DBox` and `CLEAR`)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

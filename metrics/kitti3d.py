@@ -4,8 +4,6 @@ Each frame is matched independently. Matched ignored boxes count as TP and in MO
 With another similarity in the comparison (2-D IoU) this is AB3DMOT's 2-D evaluation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

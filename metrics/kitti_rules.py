@@ -1,7 +1,5 @@
 """Evaluation rules of the KITTI benchmark: evaluated classes and ignored boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

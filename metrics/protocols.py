@@ -1,7 +1,5 @@
 """The protocols by name: metrics of several sequences from ground truth and results."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

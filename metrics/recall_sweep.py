@@ -4,8 +4,6 @@ Source: Weng et al., "3D Multi-Object Tracking: A Baseline and New Evaluation Me
 equations 3 to 5, with the thresholds of the published evaluator.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Letters: V true boxes, K detected boxes of a frame, S detected boxes of all frames.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The association head (section III.2, Fig. 4): neighbour search in frame t, fusion, MLP, max."""
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

@@ -4,8 +4,6 @@ Arrays are named by group and by the path of the layer, `model/sa1/local/linear0
 `meta` is JSON: {"format", "kind", "network", "config", "step", ...}.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -3,8 +3,6 @@
 Letters used in models/: B batch, N points, M sampled points, K neighbours, C channels.
 """
 
-from __future__ import annotations
-
 from dataclasses import MISSING, dataclass, field
 from typing import Any, Literal, get_args
 

@@ -1,7 +1,5 @@
 """The detector graph (Table I, DET): points -> foreground mask, boxes, point features."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras

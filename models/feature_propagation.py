@@ -1,7 +1,5 @@
 """Feature propagation (PointNet++; FP rows of Table I without a radius)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras

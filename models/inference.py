@@ -1,7 +1,5 @@
 """Both networks on a stream of scans: each frame passes the detector once (section III)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

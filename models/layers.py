@@ -1,7 +1,5 @@
 """Linear - BatchNorm - ReLU, the learnable unit of every layer of Table I (section IV.B)."""
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

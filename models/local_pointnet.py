@@ -1,7 +1,5 @@
 """The local PointNet of set abstraction, set upconv and the association head: group, MLP, max."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras

@@ -4,8 +4,6 @@ Every function returns a scalar float32: a mean over the weighted points of the 
 divided by `normalizer` where one is given: the shards of a joint batch add up to its loss.
 """
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 

@@ -1,7 +1,5 @@
 """The probability filter (section III.2): keep the N' points most probably foreground."""
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 

@@ -1,7 +1,5 @@
 """The refinement module (section III.3): association features -> displacement of kept points."""
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

@@ -1,7 +1,5 @@
 """Set abstraction (PointNet++; SA rows of Table I): sample, group, local PointNet, max."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras

@@ -1,7 +1,5 @@
 """Set upconv (FlowNet3D; FP rows of Table I that have a radius): coarse features to fine points."""
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

@@ -1,7 +1,5 @@
 """The tracker graph (Table I, TRA): features of two frames -> association displacement."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras

@@ -1,7 +1,5 @@
 """Points of every level of the tracker and the indices between them, from coordinates alone."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """Loads the networks from checkpoints: configuration, weights, and their consistency."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Command line: `python -m simulator --out DIR ...`; see --help and this folder's README."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ partly, largely hidden) as in the tracking benchmark. Objects that are too far o
 become DontCare: a 2-D box only.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Constants of the simulator, each with its source, in frozen dataclasses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 
@@ -102,7 +100,7 @@ class VehicleMix:
     parked_vans: float = 0.06  # along the kerb; cars alone stand across
 
     @classmethod
-    def with_vans(cls, share: float | None) -> VehicleMix:
+    def with_vans(cls, share: float | None) -> "VehicleMix":
         """The mix with `share` vans among vehicles that move and that park along the kerb."""
         return cls() if share is None else cls(moving_vans=share, parked_vans=share)
 

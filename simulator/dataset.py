@@ -1,7 +1,5 @@
 """Makes data sets on disk; completes interrupted ones and reuses complete ones."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The two sources of a data set: own traffic, and the trajectories of real label files."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.sequence import KittiSequence

@@ -1,7 +1,5 @@
 """Measures of simulated against real scans over the same labelled boxes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

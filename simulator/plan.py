@@ -1,7 +1,5 @@
 """Description of a data set: source, sequences, options and paths of its files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Every frame's bytes depend on (seed, sequence, frame) alone, so the result depen
 number of processes nor on interruptions.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

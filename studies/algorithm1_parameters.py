@@ -7,8 +7,6 @@ noise in the ground plane, which simulates an imperfect network. An object that 
 has no points in its box, so its displacement is unknown. Writes algorithm1_parameters.md and .json.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -8,8 +8,6 @@ proposals whose centre lies in it, and IoU and score of the cluster that overlap
 any threshold; the columns show whether mask, boxes, or score failed. Writes box_misses.md, .json.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ IoU 0.5: MOTA without identity switches. The least score is the best of a sweep.
 Writes decoding_parameters.md and .json.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

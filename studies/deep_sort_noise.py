@@ -7,8 +7,6 @@ in metres, so its scale is a free parameter. It is the one whose MOTA at D = 2 m
 boxes of the training sequences is nearest to the paper's row; validation sequences take no part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass

@@ -9,8 +9,6 @@ only report its result. SORT has its authors' parameters; DEEP_SORT's filter noi
 fitted (`studies.deep_sort_noise`), so it takes no part in the choice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from statistics import mean

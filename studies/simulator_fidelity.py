@@ -5,8 +5,6 @@ frames that have real scans, prints the table (goals beside it), writes it to DI
 and draws bird's-eye views and range images side by side. Without the data it prints a note.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`pip install -e .` in a fresh environment, offline; then the library in another folder."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Every command of the documents is run: here on small data, or by the test that `RUNS` names."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import json

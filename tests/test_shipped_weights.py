@@ -1,7 +1,5 @@
 """The weights that ship: they load, find and track simulated vehicles, and look at both frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

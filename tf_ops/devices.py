@@ -1,7 +1,5 @@
 """Placement of the ops: index ops on the CPU, feature ops on the device of the model."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

@@ -1,7 +1,5 @@
 """Loads the compiled ops, once and lazily, after a check of the TensorFlow they were built for."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os

@@ -5,8 +5,6 @@ and its remedy and exits with code 1. The file is rewritten only when TensorFlow
 can be a prerequisite of every object; an unchanged TensorFlow is not imported.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

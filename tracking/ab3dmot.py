@@ -4,8 +4,6 @@ Section and module names are the paper's. The defaults are those of the publishe
 PointRCNN cars: GIoU instead of IoU, and compensation of the sensor's motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The size of the box is not a feature: KITTI's labels have one size per object, s
 boxes it would reveal the identity.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

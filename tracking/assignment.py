@@ -3,8 +3,6 @@
 Rows and columns of a pair beyond the gate stay unmatched.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ boxes of frame t by IoU. The displacement is the network's prediction (`pointtra
 labels' motion (`gt_displacement`, the paper's "gt_tracking" upper bound).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -5,8 +5,6 @@ distance of the Kalman filter, ranked by the cosine distance of appearance vecto
 matched by IoU, as in SORT. Without appearance vectors the Mahalanobis distance is also the rank.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trackers by name: a new tracker is added to `TRACKERS`, see CONTRIBUTING.md."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any

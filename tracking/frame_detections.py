@@ -3,8 +3,6 @@
 Letters: M detected boxes, n points, C channels of an appearance vector.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +56,7 @@ class FrameDetections:
     def __len__(self) -> int:
         return len(self.boxes)
 
-    def at_least(self, min_score: float) -> FrameDetections:
+    def at_least(self, min_score: float) -> "FrameDetections":
         """The boxes with at least this score, with the same motion."""
         rows = self.scores >= min_score
         columns = {"boxes": self.boxes, "scores": self.scores, "types": self.types}

@@ -3,8 +3,6 @@
 Letters: M detected boxes of this frame, T tracks, n points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

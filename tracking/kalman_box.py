@@ -4,8 +4,6 @@ State (x, y, z, l, w, h, yaw, vx, vy, vz): a box of the level frame and the velo
 in metres per frame; the state moves with constant velocity, and the measurement is the box.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ State (u, v, s, r, du, dv, ds): centre in pixels, area, aspect ratio (constant),
 frame.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.kalman_box import Noise

@@ -1,7 +1,5 @@
 """The steps that SORT and AB3DMOT share: Kalman prediction, Hungarian assignment, update, birth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

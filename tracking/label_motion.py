@@ -1,7 +1,5 @@
 """Motion of the labelled objects, for the paper's upper bound "gt_tracking" (section IV.D)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

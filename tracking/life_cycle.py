@@ -1,7 +1,5 @@
 """Birth, hits, misses and death of tracks, shared by all trackers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

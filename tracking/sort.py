@@ -5,8 +5,6 @@ short probation; no appearance, no motion of the sensor. PointTrackNet's paper d
 space of SORT: `sort` uses boxes of the level frame, `sort_image` boxes in the image.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ drives.
 Writes scorer.json into the folder of weights, and calibration.json and reliability.png into --out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The checkpoints of one training: the last few by step, and the best."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Flags, smoke run and call of the loop, shared by train_det.py and train_track.py."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import os

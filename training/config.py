@@ -1,7 +1,5 @@
 """Configuration of the two trainings; section IV.B of the paper unless noted otherwise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from common.errors import InputError

@@ -1,7 +1,5 @@
 """Detector training: samples, losses, validation metrics."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ NAME.json, its configuration, metrics and training record for reading, and NAME_
 metrics of every epoch; training.md has them in two tables.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The cyclical learning rate (Smith 2018; section IV.B): linear up and down between two bounds."""
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

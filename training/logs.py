@@ -1,7 +1,5 @@
 """Logs of a training: history.csv, curves as PNG, TensorBoard."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

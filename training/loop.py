@@ -1,7 +1,5 @@
 """The training loop of both networks: one straight loop over steps, under tf.distribute."""
 
-from __future__ import annotations
-
 import math
 import time
 

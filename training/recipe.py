@@ -7,8 +7,6 @@ are skipped and an interrupted one resumes. Without --labels all
 traffic is the simulator's own; without --scans no real scan is used.
 """
 
-from __future__ import annotations
-
 import json
 import shlex
 import subprocess

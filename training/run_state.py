@@ -1,7 +1,5 @@
 """Saves and resumes a training: its workdir, its checkpoints, its best network."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

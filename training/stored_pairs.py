@@ -4,8 +4,6 @@ Scans, augmentation and the detector's pass do not depend on the tracker. A pair
 each row of Table IV, because each uses other points and features; features are kept as float16.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

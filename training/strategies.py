@@ -1,7 +1,5 @@
 """tf.distribute strategies by name, and determinism."""
 
-from __future__ import annotations
-
 import json
 import os
 

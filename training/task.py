@@ -1,7 +1,5 @@
 """The interface between the training loop and the two trainings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Protocol
 

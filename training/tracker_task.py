@@ -7,8 +7,6 @@ Equation (5) is applied to the final displacement and to an auxiliary linear hea
 features, which exists in training alone (deep supervision, Lee et al., AISTATS 2015).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import keras
@@ -54,7 +52,7 @@ class Prediction(NamedTuple):
     @classmethod
     def at(
         cls, displacement: tf.Tensor, kept: KeptBatch, rows: tf.Tensor | None = None
-    ) -> Prediction:
+    ) -> "Prediction":
         """Adds the targets of the first F frames' kept points, of all or of their `rows` (F, M)."""
         frames = tf.shape(displacement)[0]
         targets = (kept.frames.xyz, kept.displacement, kept.foreground)

@@ -1,7 +1,5 @@
 """A training under way: task, optimizer, order of samples, state of a checkpoint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

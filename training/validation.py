@@ -1,7 +1,5 @@
 """Validation of a training over its data roots."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

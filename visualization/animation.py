@@ -1,7 +1,5 @@
 """A sequence from above with ids, as a GIF by Pillow."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The paper's Fig. 4: the association head's neighbourhood of one point in the next frame."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

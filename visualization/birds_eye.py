@@ -1,7 +1,5 @@
 """A frame from above: truth (green, dotted) against prediction (solid); the paper's Fig. 1."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from matplotlib.figure import Figure

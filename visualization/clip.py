@@ -1,7 +1,5 @@
 """Input of the pictures: consecutive scans with tracks and optional labels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -31,7 +29,7 @@ class Clip:
     poses: np.ndarray | None = None
 
     @classmethod
-    def of_scene(cls, scene, results: Objects) -> Clip:
+    def of_scene(cls, scene, results: Objects) -> "Clip":
         """From an `evaluation.scene.Scene` and the rows of its result file."""
         truth = scene.objects.of_classes(VEHICLES)
         poses = scene.sequence.poses

@@ -1,7 +1,5 @@
 """Colours, axes and boxes that all pictures share."""
 
-from __future__ import annotations
-
 import colorsys
 from pathlib import Path
 

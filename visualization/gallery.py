@@ -1,7 +1,5 @@
 """All pictures of the demo with their frames, files and captions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

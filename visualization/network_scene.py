@@ -1,7 +1,5 @@
 """Intermediate outputs of the networks in one frame, as data of the 3-D scene (Figures 3 and 4)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

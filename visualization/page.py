@@ -1,7 +1,5 @@
 """One HTML page with a table, embedded pictures, and links to scenes."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The drive as a recording of the Rerun viewer; needs the package rerun-sdk."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The paper's Fig. 3: sampling after the probability filter against plain farthest points."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Letters: F frames, R rows of boxes.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping
 from typing import Any

@@ -3,8 +3,6 @@
 The package pydeck contains deck.gl for offline use.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

@@ -3,8 +3,6 @@
 Letters: n points of a frame, C columns of a point.
 """
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

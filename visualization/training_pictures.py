@@ -3,8 +3,6 @@
 The argument is a training task (`training.task.TrainingTask`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import tensorflow as tf
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The paper's Fig. 6: trajectories in 3-D with boxes, one colour per id."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

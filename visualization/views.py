@@ -1,7 +1,5 @@
 """Intermediate outputs of the networks, for Fig. 3 and Fig. 4. Imports TensorFlow."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -8,8 +8,6 @@ Both tables share a workdir and their common row. It stores trainings, outputs o
 metrics; an interrupted table resumes.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import hashlib

@@ -1,7 +1,5 @@
 """Outputs of the frozen detector for evaluated frames, stored on disk for several trackers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

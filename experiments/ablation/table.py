@@ -1,7 +1,5 @@
 """Text and plot of Tables III and IV: our metrics, the paper's, and significant differences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path

@@ -4,8 +4,6 @@ The plain form is counted: every linear layer of a neighbourhood runs once per n
 those of the float32 inputs and outputs of each linear layer and of its kernel, moved once.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from models.boxes.box_coding import head_channels
@@ -27,11 +25,11 @@ class Cost(NamedTuple):
     flops: float = 0.0
     bytes: float = 0.0
 
-    def plus(self, other: Cost) -> Cost:
+    def plus(self, other: "Cost") -> "Cost":
         """The cost of both."""
         return Cost(self.flops + other.flops, self.bytes + other.bytes)
 
-    def times(self, factor: float) -> Cost:
+    def times(self, factor: float) -> "Cost":
         """`factor` times the cost."""
         return Cost(self.flops * factor, self.bytes * factor)
 

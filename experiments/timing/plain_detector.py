@@ -4,8 +4,6 @@ The same layers, widths and indices as models/detector.py, from Keras's Dense, B
 and ReLU, tf.gather(batch_dims=1) and reduce_max; every layer runs once per neighbour.
 """
 
-from __future__ import annotations
-
 import keras
 import tensorflow as tf
 

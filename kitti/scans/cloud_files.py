@@ -1,7 +1,5 @@
 """Point clouds of other projects as arrays: .npy (NumPy), .pcd (PCL), .ply (Stanford)."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

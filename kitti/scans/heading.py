@@ -3,8 +3,6 @@
 Letters: G cells along a side of a grid that is seen from above.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The vertices of a .ply file (Stanford polygon format, Greg Turk 1994), ascii or binary."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

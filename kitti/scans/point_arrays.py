@@ -1,7 +1,5 @@
 """Converts arrays of points of any common form to rows of finite float32; draws N points."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reads and writes the files of scans."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A folder of scans: frame numbers from file names."""
 
-from __future__ import annotations
-
 import re
 from decimal import Decimal
 from itertools import pairwise

@@ -5,8 +5,6 @@ an intensity. Other files give implausible numbers in this layout; the error the
 in which they are plausible.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Boxes as heading bins, size templates and residuals (Frustum PointNets; section III.1)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

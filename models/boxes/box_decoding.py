@@ -3,8 +3,6 @@
 Letters: P proposals (boxes of single points), K clusters of proposals, NC classes.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

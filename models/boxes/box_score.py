@@ -6,8 +6,6 @@ on labelled scans for one detector; it is stored beside the detector as scorer.j
 Letters: K boxes, F features.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping

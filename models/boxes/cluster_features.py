@@ -3,8 +3,6 @@
 Letters: K clusters, P proposals, N points, C channels of FC1, F features.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Letters: R rays, P parts, K planes a part.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sizes and bodies of objects by their KITTI type."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from simulator.bodies import people, vehicles

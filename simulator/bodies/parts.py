@@ -1,7 +1,5 @@
 """Convex parts as planes: extruded side profiles, upright cylinders with corners, wheels."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import combinations
 

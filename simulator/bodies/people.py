@@ -1,7 +1,5 @@
 """Bodies of pedestrians, sitting persons and cyclists, scaled to a label's box."""
 
-from __future__ import annotations
-
 from simulator.bodies.convex import Body
 from simulator.bodies.parts import Part, assemble, block, column, wheel
 

@@ -4,8 +4,6 @@ Box frame: x forward, y left, z up, origin at the centre. Bodies leave the media
 vehicles of sequence 0000 in their boxes: 2 cm along, 5 cm at a side, 8 cm on top.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

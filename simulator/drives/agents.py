@@ -1,7 +1,5 @@
 """Road users and their motion along a route. Letters: A agents, M points ahead, D discs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

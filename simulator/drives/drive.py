@@ -1,7 +1,5 @@
 """Own traffic as a world of scenes: the traffic is simulated once, all frames are stored."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

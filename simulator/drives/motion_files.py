@@ -1,7 +1,5 @@
 """Files of the car's own motion: poses/00XX.txt and oxts/00XX.txt."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

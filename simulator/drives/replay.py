@@ -4,8 +4,6 @@ Nothing static is placed on the path of a labelled object or of the car, nor bet
 an object labelled as visible.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

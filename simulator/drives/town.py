@@ -1,7 +1,5 @@
 """A town for own traffic: roads, ground, roadside, and the initial road users."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

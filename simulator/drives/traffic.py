@@ -4,8 +4,6 @@ Accelerations depend on geometry, not lanes: the road user ahead is the first wh
 the future path. Merging, crossing, parked cars, cyclists and pedestrians need no separate rules.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from simulator.drives.agents import SPACING, Agent, advance, discs, idm, look_ahead

@@ -1,7 +1,5 @@
 """One frame of a data set: a sweep, cropped to the camera's view or not."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

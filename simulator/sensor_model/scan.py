@@ -1,7 +1,5 @@
 """One sweep: rays against bodies, static world and ground, then the sensor model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Letters: B beams (top to bottom), C azimuth columns (in the order of `azimuth`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

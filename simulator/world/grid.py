@@ -1,7 +1,5 @@
 """Maps over the ground: a regular grid in world x, y."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -3,8 +3,6 @@
 Traffic keeps to the right. Offsets across a path are positive to its left. Letters: n points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -4,8 +4,6 @@ Objects are placed along a path, layer by layer outwards; each at the first offs
 footprint is free.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ r is the horizontal distance, z = height + slope * r. Letters: B beams, C column
 J pairs of a shape and a column that may meet.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

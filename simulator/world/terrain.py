@@ -1,7 +1,5 @@
 """The ground: a smooth height map through known heights, kerbs on top, and rays against it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from simulator.bodies.convex import FAR

@@ -1,7 +1,5 @@
 """Damaged files of every kind: a door is a function of a folder and a random generator."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache

@@ -6,8 +6,6 @@ An input is accepted, or ends in an `InputError` of one line. Anything else is a
 with its door and seed, and `--door DOOR --seed SEED --n 1` makes the same input again.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -6,8 +6,6 @@ A job runs undisturbed once. Then it is killed one to three times in a row and r
 output has to equal that of the undisturbed run.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

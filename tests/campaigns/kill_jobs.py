@@ -1,7 +1,5 @@
 """Small jobs that are killed: their command, and the outputs that must be equal."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

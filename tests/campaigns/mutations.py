@@ -1,7 +1,5 @@
 """Damage to files, words and numbers, drawn from a random generator."""
 
-from __future__ import annotations
-
 import numpy as np
 
 NASTY_WORDS = (

@@ -1,7 +1,5 @@
 """Flags of the scripts, the library and the ops: a door is a function of folder and generator."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Callable

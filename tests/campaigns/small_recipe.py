@@ -1,7 +1,5 @@
 """A recipe of weights like training/recipe.py, with a small training: DATA WORKDIR."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged files of weights: a door is a function of a folder and a random generator."""
 
-from __future__ import annotations
-
 import io
 import tempfile
 import warnings

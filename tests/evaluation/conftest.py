@@ -1,7 +1,5 @@
 """evaluate.py called as from the command line."""
 
-from __future__ import annotations
-
 import pytest
 
 import evaluate

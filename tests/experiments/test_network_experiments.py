@@ -1,7 +1,5 @@
 """The plain detector is the same network; Table II's arithmetic; metrics of the networks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """Headless Chromium driven over its debugging pipe; nothing but the standard library is needed."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os
@@ -69,7 +67,7 @@ class Chromium:
             mobile=False,
         )
 
-    def __enter__(self) -> Chromium:
+    def __enter__(self) -> "Chromium":
         return self
 
     def __exit__(self, *exc: object) -> None:

@@ -1,7 +1,5 @@
 """Flags of a configuration, for commands with very small networks."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -4,8 +4,6 @@ Written from the rules, one row and one frame at a time, without the project's m
 camera-frame boxes, shapely polygons pair by pair, every assignment tried.
 """
 
-from __future__ import annotations
-
 from itertools import permutations
 from pathlib import Path
 

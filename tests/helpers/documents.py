@@ -1,7 +1,5 @@
 """The documents for users, and the commands in them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

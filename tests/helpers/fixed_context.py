@@ -1,7 +1,5 @@
 """A `FrameContext` of given values."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking import FrameContext

@@ -3,8 +3,6 @@
 A link to a page in the same folder is allowed.
 """
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}

@@ -1,7 +1,5 @@
 """Label rows for hand-made files."""
 
-from __future__ import annotations
-
 CAR_ROW = "{frame} {id} {kind} 0 1 -1.5 100.0 120.0 200.0 180.0 1.5 1.6 4.0 2.0 1.7 {z} 0.3"
 
 

@@ -1,7 +1,5 @@
 """Made-up sequences for the protocols: truth, results with every kind of mistake, and helpers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.objects import Objects

@@ -1,7 +1,5 @@
 """Small configurations and clouds that the network tests share."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Slow NumPy references of the ops, and the clouds they are compared on."""
 
-from __future__ import annotations
-
 import numpy as np
 
 KINDS = ("random", "clustered", "collinear", "identical", "lattice")

@@ -1,7 +1,5 @@
 """Overlap seen from above of all pairs of boxes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.iou import iou_bev_pairs

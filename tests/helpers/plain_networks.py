@@ -4,8 +4,6 @@ Every layer is computed for every neighbour from the variables of a network, wit
 ops; nothing of the fast path of models/ is used.
 """
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 from models.detector import point_features

@@ -1,7 +1,5 @@
 """Small files in other projects' formats."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

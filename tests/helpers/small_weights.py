@@ -1,7 +1,5 @@
 """A folder of weights of two very small untrained networks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """Scans of a street from a car that drives along it, in any order of the axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 TURNS = {"x": ([0, 1], [1, 1]), "-x": ([0, 1], [-1, -1]), "y": ([1, 0], [-1, 1])}

@@ -1,7 +1,5 @@
 """A made-up KITTI folder of two short sequences, 0000 with cars and a van, 0001 without any."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A small training in its own process: -m helpers.train_small detector|tracker DATA WORKDIR."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import os

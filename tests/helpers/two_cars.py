@@ -1,7 +1,5 @@
 """A few frames in KITTI's layout: ground, and two cars seen as points on their sides."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

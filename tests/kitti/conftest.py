@@ -1,7 +1,5 @@
 """Small KITTI folders for the tests of kitti/."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

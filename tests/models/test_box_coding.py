@@ -1,7 +1,5 @@
 """Box code -> decode is the identity; the head's channels are split as the paper counts them."""
 
-from __future__ import annotations
-
 import numpy as np
 import tensorflow as tf
 from hypothesis import given, settings

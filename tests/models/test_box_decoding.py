@@ -1,7 +1,5 @@
 """From points to boxes: one box for each object, and nothing from nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """Features of clusters, the scorer, and its file."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

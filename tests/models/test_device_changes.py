@@ -1,7 +1,5 @@
 """How often a traced graph goes from the CPU to the features' device and back."""
 
-from __future__ import annotations
-
 import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, SMALL_TRACKER

@@ -1,7 +1,5 @@
 """Both networks as a whole against the plain reference: outputs and every gradient."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """The networks on a stream: empty frames, one point, repeatable sampling."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """Layers against the plain way of computing them: gather first, concatenate, then multiply."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np

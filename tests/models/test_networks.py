@@ -1,7 +1,5 @@
 """The two graphs as a whole: shapes, parameters, gradients, symmetries, unusual clouds."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Labels from rays and projection, and occlusion in a sweep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

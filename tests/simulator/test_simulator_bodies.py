@@ -1,7 +1,5 @@
 """Bodies fill their boxes, and rays end on their surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Data sets: layout, same bytes, resume, reuse, refusals; and replay of a labelled set."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rays against shapes whose answer is known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

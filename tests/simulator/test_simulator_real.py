@@ -1,7 +1,5 @@
 """Replay of real label files, and fidelity where there are real scans."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Traffic: following, signals, overtaking, pulling out, turns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.overlap import iou_bev

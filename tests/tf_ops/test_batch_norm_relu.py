@@ -1,7 +1,5 @@
 """Batch normalisation with ReLU, and with the maximum, against TensorFlow's own ops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

@@ -1,7 +1,5 @@
 """The benchmark: tables made from its files, the choice of the best peer, the length of curves."""
 
-from __future__ import annotations
-
 import json
 import time
 

@@ -1,7 +1,5 @@
 """box_iou_3d against shapely and hand-made cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """group_point, gather_point and three_interpolate: values, gradients, types, errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

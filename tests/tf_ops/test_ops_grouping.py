@@ -1,7 +1,5 @@
 """query_ball_point, knn_point, three_nn against NumPy, index by index."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ops in graphs, input pipelines and threads; instruction sets; loading the library."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """farthest_point_sample and gather_point against NumPy, index by index."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

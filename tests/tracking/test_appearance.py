@@ -1,7 +1,5 @@
 """Geometric appearance vectors and label motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

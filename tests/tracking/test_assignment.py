@@ -1,7 +1,5 @@
 """Hungarian and greedy assignment against brute force and hand-made costs."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Algorithm 1: displacement of the points in a box, one-to-one matching, lost objects."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

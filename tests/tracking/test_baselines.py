@@ -1,7 +1,5 @@
 """SORT's and AB3DMOT's own traits: probation, IoU gate, GIoU, the sensor's own motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers.fixed_context import FixedContext

@@ -1,7 +1,5 @@
 """DEEP_SORT: cascade, gate, appearance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

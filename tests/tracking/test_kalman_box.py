@@ -1,7 +1,5 @@
 """The Kalman filter against numbers worked out by hand, and the orientation correction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

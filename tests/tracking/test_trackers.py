@@ -1,7 +1,5 @@
 """Properties of every tracker: hand-made scenes, empty frames, ids, input order, bad input."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The data that the training tests share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

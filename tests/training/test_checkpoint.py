@@ -1,7 +1,5 @@
 """Checkpoints: complete or absent, checked before anything is assigned."""
 
-from __future__ import annotations
-
 import pickle
 
 import keras

@@ -1,7 +1,5 @@
 """Data flags: sequences, shares, held-out sequences."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest

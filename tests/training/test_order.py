@@ -1,7 +1,5 @@
 """The order of samples: shares, shuffles, a pure function of the step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

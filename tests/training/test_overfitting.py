@@ -1,7 +1,5 @@
 """Both networks overfit a fixed batch: losses, targets, decoding and gradients agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tensorflow as tf

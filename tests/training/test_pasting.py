@@ -1,7 +1,5 @@
 """Cut objects and their pasting: place, ground, collisions, occlusion both ways."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

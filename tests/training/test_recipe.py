@@ -1,7 +1,5 @@
 """The recipe: its commands parse, stages are skipped when done, wrong workdirs are refused."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Targets and augmentation of the training samples."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pairs of frames from one scan: points, ego motion, labels."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One training step of each network: the same loss and gradients on every device and path."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager, nullcontext
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whole trainings: resumed after SIGKILL, on two workers, and diverging."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Worker processes make the same samples as this process, and end with it."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import pickle

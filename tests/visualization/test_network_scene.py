@@ -1,7 +1,5 @@
 """The networks' view of one frame as a scene: arrows, proposals and their detections."""
 
-from __future__ import annotations
-
 import base64
 
 import numpy as np

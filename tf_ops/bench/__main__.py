@@ -5,8 +5,6 @@ and growth.png. native: the portable build against the one for this machine, nat
 writes the tables of the JSON files in tf_ops/docs into the README, without a measurement.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import os

@@ -4,8 +4,6 @@ Both register the same ops and cannot be loaded into one process. The process of
 the number of a case, calls it once and prints the time, so that load of the machine affects both.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The cases of the benchmark: ops, peers and goals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

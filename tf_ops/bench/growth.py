@@ -1,7 +1,5 @@
 """Time over the size of the cloud, N from 1,000 to 1,000,000, for the ops and their peers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

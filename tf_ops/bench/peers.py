@@ -1,7 +1,5 @@
 """The peers with two threads each, over a batch of clouds in sequence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 

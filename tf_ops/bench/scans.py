@@ -1,7 +1,5 @@
 """Clouds of the benchmark: a real scan if available, and synthesised ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

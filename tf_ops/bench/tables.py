@@ -1,7 +1,5 @@
 """The tables of tf_ops/README.md, made from the JSON files of the benchmark."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

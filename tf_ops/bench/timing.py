@@ -4,8 +4,6 @@ Each timed call follows an untimed one of the same side; otherwise it would incl
 other side's sleeping or spinning threads and of cold caches.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone

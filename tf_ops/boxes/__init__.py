@@ -4,8 +4,6 @@ Boxes are in the level frame: the geometric centre in metres, yaw in radians cou
 about +z. Overlaps are computed in float64.
 """
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 from tf_ops.devices import on_cpu

@@ -1,7 +1,5 @@
 """Neighbour search, and gathering of the neighbours' features."""
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 from tf_ops.devices import fused_ops, gather_rows, on_cpu

@@ -1,7 +1,5 @@
 """Interpolation from sparse to dense points: three nearest neighbours and weighted sums."""
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 from tf_ops.devices import fused_ops, gather_rows, on_cpu

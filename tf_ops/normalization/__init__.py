@@ -1,7 +1,5 @@
 """Batch normalisation fused with ReLU, and with the maximum over neighbours (training only)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import tensorflow as tf

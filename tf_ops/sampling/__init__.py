@@ -1,7 +1,5 @@
 """Farthest point sampling, and gathering of the sampled points."""
 
-from __future__ import annotations
-
 import tensorflow as tf
 
 from tf_ops.devices import on_cpu

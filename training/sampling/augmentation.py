@@ -1,7 +1,5 @@
 """Flip, rotation, scale and height of a whole sample (level frame)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +18,7 @@ class SceneTransform:
     height: float = 0.0
 
     @classmethod
-    def random(cls, config: AugmentationConfig, rng: np.random.Generator) -> SceneTransform:
+    def random(cls, config: AugmentationConfig, rng: np.random.Generator) -> "SceneTransform":
         """Draws a transform."""
         draw = rng.uniform(-1.0, 1.0, 3)
         return cls(

@@ -1,7 +1,5 @@
 """Training and validation data: flags of data roots, sequences and sampling shares."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reads labelled frames of a list of sequences with a small cache, and cuts their objects."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from threading import Lock

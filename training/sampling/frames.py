@@ -1,7 +1,5 @@
 """Labelled frames from disk: points, vehicle boxes, ground, ignored regions."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

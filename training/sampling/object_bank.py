@@ -1,7 +1,5 @@
 """Labelled objects cut from training scans for pasting, as in SECOND (Yan et al., Sensors 2018)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -35,7 +33,7 @@ class ObjectBank:
         self.objects = [of_root for of_root in objects if of_root]
 
     @classmethod
-    def of_frames(cls, frames: Iterable[tuple[str, LabelledFrame]]) -> ObjectBank:
+    def of_frames(cls, frames: Iterable[tuple[str, LabelledFrame]]) -> "ObjectBank":
         """Cuts objects from frames, each given with the name of its data root."""
         found: dict[str, dict[int, list[CutObject]]] = {}
         for root, frame in frames:

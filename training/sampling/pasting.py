@@ -1,7 +1,5 @@
 """Pastes cut objects into a scan, with their occlusion by the scan and of the scan."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.boxes import points_in_boxes, wrap_angle

@@ -1,7 +1,5 @@
 """The tf.data input pipeline: frames from disk to batches with their pyramids of indices."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

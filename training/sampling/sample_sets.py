@@ -1,7 +1,5 @@
 """The samples of a training as picklable functions of (index, position)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

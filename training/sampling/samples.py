@@ -1,7 +1,5 @@
 """One training sample of each network, as arrays of fixed shape (NumPy; level frame)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Pairs of frames made from one scan, to train the tracker on scans without a neighbour."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kitti.boxes import transform_boxes

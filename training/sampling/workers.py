@@ -1,7 +1,5 @@
 """Worker processes that make samples, for accelerators that are faster than one Python process."""
 
-from __future__ import annotations
-
 import ctypes
 import multiprocessing
 import os

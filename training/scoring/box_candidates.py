@@ -3,8 +3,6 @@
 Letters: V labelled vehicles, K boxes of a frame, F features.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

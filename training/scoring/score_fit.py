@@ -3,8 +3,6 @@
 Letters: S boxes, F features.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Calibration of box scores, and recall before and after: metrics, diagram, table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
