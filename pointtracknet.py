@@ -6,10 +6,12 @@ for path in sorted(Path("scans").glob("*.bin")):
     print(tracks.ids, tracks.boxes)
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
 
+from common.errors import InputError
 from evaluation.detections import NetworkStream
 from kitti.calibration import Calibration, standard_mounting
 from kitti.camera_view import image_size_of, in_camera_view
@@ -71,8 +73,11 @@ class Tracker:
             score_threshold: least score of a box; None for that of the weights.
 
         Raises:
-            InputError: weights are missing, broken or do not belong together.
+            InputError: weights are missing, broken or do not belong together; the threshold is no
+                finite number, or the image size none.
         """
+        if score_threshold is not None and not math.isfinite(score_threshold):
+            raise InputError(f"score_threshold: expected a finite number, found {score_threshold}")
         folder = default_weights() if weights is None else weights
         network = StreamingNetwork(*load_networks(folder), min_score=score_threshold)
         return cls(network, calib, image_size, **parameters)

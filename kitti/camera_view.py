@@ -1,6 +1,7 @@
 """View of the left colour camera: image size, points of a scan inside it, checks of the axes."""
 
 import math
+import operator
 import re
 from collections.abc import Iterable
 
@@ -55,9 +56,11 @@ def describe_image_size(
     KITTI's most frequent size where they are close to its own; twice the principal point.
 
     Raises:
-        InputError: `given` contradicts the calibration, or there is no size: the principal point
-            is not inside an image.
+        InputError: `given` is no size or contradicts the calibration, or there is no size: the
+            principal point is not inside an image.
     """
+    if given is not None:
+        given = _checked_size(given)
     if calib.size is not None:
         if given is not None and given != calib.size:
             raise InputError(
@@ -95,6 +98,17 @@ def parse_image_size(text: str) -> tuple[int, int]:
     if not all(1 <= side <= MAX_PIXELS for side in sides):
         raise InputError(f"--image_size: expected pixels such as 1242x375, found {text!r}")
     return sides
+
+
+def _checked_size(given: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = (operator.index(side) for side in given)
+    except (TypeError, ValueError):
+        width = height = 0
+    if not all(1 <= side <= MAX_PIXELS for side in (width, height)):
+        expected = f"expected width and height from 1 to {MAX_PIXELS} pixels"
+        raise InputError(f"image_size: {expected}, found {given!r}")
+    return width, height
 
 
 def _text(size: tuple[int, int]) -> str:

@@ -70,6 +70,19 @@ def test_a_frame_without_points_is_survived():
 
 
 @pytest.mark.parametrize(
+    "size", [(0, 0), (-5, 3), (10**9, 375), (1242.0, 375), (1242,), "1242x375"]
+)
+def test_a_bad_image_size_is_refused(size):
+    with pytest.raises(InputError, match="image_size: expected width and height from 1 to 20000"):
+        Tracker(ScriptedNetwork(), image_size=size)
+
+
+def test_a_score_threshold_that_is_no_number_is_refused():
+    with pytest.raises(InputError, match="score_threshold: expected a finite number, found nan"):
+        Tracker.load("nowhere", score_threshold=float("nan"))
+
+
+@pytest.mark.parametrize(
     ("points", "message"),
     [
         (np.zeros((4, 2)), "shape"),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.iou import iou_3d
 from tracking.assignment import greedy
@@ -31,6 +32,14 @@ class AssociationParameters:
     min_hits: int = 1  # detections before a trajectory is reported; Algorithm 1 has no probation
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
     report_lost: bool = False  # report the moved box of a lost object; costs 6 % MOTA
+
+    def __post_init__(self):
+        for name, least, most in (("tau", 0, 1), ("max_age", 0, np.inf), ("min_hits", 1, np.inf)):
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise InputError(f"{name}: expected {least} to {most}, found {value}")
+        if np.isnan(self.min_start_score):
+            raise InputError("min_start_score: expected a number, found nan")
 
 
 @dataclass

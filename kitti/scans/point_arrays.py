@@ -16,8 +16,8 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
     """(n, 3 or 4) float32 x, y, z (metres) and intensity, and the number of points dropped.
 
     Args:
-        array: (n, >= 3), an organised cloud (H, W, >= 3), or a structured array of any shape with
-            fields x, y, z and perhaps intensity.
+        array: (n, >= 3), an organised cloud (H, W, >= 3), a structured array of any shape or a data
+            frame with fields x, y, z and perhaps intensity; [] holds no point.
 
     A point without a return (NaN or infinity in x, y or z) and one beyond `MAX_RANGE` are dropped;
     masked values count as NaN. The intensity is not used and may be NaN.
@@ -25,6 +25,8 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
     Raises:
         InputError: another shape or type, no finite point, or more than half beyond `MAX_RANGE`.
     """
+    if hasattr(array, "to_records") and {"x", "y", "z"} <= {str(c).lower() for c in array.columns}:
+        array = array.to_records(index=False)  # a data frame, by the names of its columns
     try:
         array = np.asanyarray(array)
     except ValueError as error:
@@ -36,6 +38,8 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
     if array.dtype.kind not in "fiu":
         raise InputError(f"expected points of real numbers, found dtype {array.dtype}")
     shape, array = array.shape, np.asarray(array)
+    if shape == (0,):
+        array = array.reshape(0, 3)
     if len(shape) in (2, 3) and shape[0] in (3, 4) and shape[-1] > _TRANSPOSED:
         expected = "(n, >=3) or (H, W, >=3)"
         raise InputError(f"expected points of shape {expected}, found {shape}: transpose it")

@@ -1,6 +1,7 @@
 """Arrays of any kind that hold a scan."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from common.errors import InputError
@@ -32,3 +33,15 @@ def test_coordinates_along_the_first_axis_are_refused(array):
 def test_other_units_are_refused_with_the_flag():
     with pytest.raises(InputError, match=r"beyond 1000 m \(--scan_scale"):
         as_points(POINTS * 1000)
+
+
+def test_a_data_frame_is_read_by_the_names_of_its_columns():
+    frame = pd.DataFrame(POINTS[:, [2, 3, 0, 1]], columns=["z", "intensity", "X", "y"])
+    np.testing.assert_array_equal(as_points(frame)[0], POINTS.astype(np.float32))
+    by_place = pd.DataFrame(POINTS)
+    np.testing.assert_array_equal(as_points(by_place)[0], POINTS.astype(np.float32))
+
+
+def test_an_empty_list_holds_no_point():
+    points, dropped = as_points([])
+    assert (points.shape, dropped) == ((0, 3), 0)

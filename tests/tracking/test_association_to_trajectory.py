@@ -176,3 +176,12 @@ def test_background_points_do_not_slow_a_box_down():
     assert mean_displacement(points, displacement, box)[0, 0] == pytest.approx(4 / 3)
     mean = mean_displacement(points, displacement, box, [0.4, 0.3, 0.1])  # no foreground: all
     assert mean[0, 0] == pytest.approx(4 / 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("tau", np.nan), ("tau", 1.1), ("max_age", -1), ("min_hits", 0), ("min_start_score", np.nan)],
+)
+def test_parameters_out_of_range_are_refused(name, value):
+    with pytest.raises(InputError, match=f"{name}: expected"):
+        make_tracker("pointtracknet", **{name: value})
