@@ -9,7 +9,7 @@ from common.config_flags import option
 from common.errors import InputError
 from common.flags import finite_float, non_negative_float, non_negative_int
 from evaluation.scene import Scene, open_scenes
-from kitti.object_shift import ObjectShift
+from kitti.object_shift import MAX_DISTANCE, ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.seqmap import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
@@ -19,8 +19,6 @@ from tracking import PREDICTED_MOTION, TRACKERS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
-MAX_SHIFT = 1000.0
-"""Metres; the paper shifts objects by up to 2."""
 
 
 def parse_names(text: str) -> tuple[str, ...]:
@@ -73,7 +71,7 @@ class EvaluateConfig:
         non_negative_float,
         ("object_shift", "displacement"),
         least=0.0,
-        most=MAX_SHIFT,
+        most=MAX_DISTANCE,
     )
     seed: int = option(0, "of the object shift", non_negative_int, least=0, most=2**63 - 1)
     protocols: tuple[str, ...] | None = option(
@@ -110,11 +108,7 @@ class EvaluateConfig:
             raise InputError("--score_threshold best is that of a --protocol, found none")
         if not 0 < self.iou <= 1:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
-        if not 0 <= self.object_shift <= MAX_SHIFT:
-            expected = f"expected 0 to {MAX_SHIFT:.0f} metres"
-            raise InputError(f"--object_shift: {expected}, found {self.object_shift}")
-        if not 0 <= self.seed < 2**63:
-            raise InputError(f"--seed: expected 0 <= seed < 2**63, found {self.seed}")
+        ObjectShift(self.object_shift, self.seed)  # raises where one is out of range
         if isinstance(self.score_threshold, str) and self.score_threshold != BEST:
             found = repr(self.score_threshold)
             raise InputError(f"--score_threshold: expected a number or {BEST!r}, found {found}")

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.iou import footprints_overlap, iou_bev_pairs
 from kitti.objects import Objects
@@ -32,13 +33,16 @@ ATTEMPTS = 16
 
 _HELD = -1  # the frame number in the key of a held shift
 
+MAX_DISTANCE = 1000.0
+"""Metres; the paper shifts objects by up to 2."""
+
 
 @dataclass(frozen=True)
 class ObjectShift:
     """Distribution and seed of the shifts.
 
     Attributes:
-        distance: D in metres, >= 0.
+        distance: D in metres, 0 to `MAX_DISTANCE`.
         seed: any integer >= 0; another one gives other shifts.
         length: one of `LENGTHS` (module docstring).
         hold: one shift per object instead of one per object and frame.
@@ -50,12 +54,13 @@ class ObjectShift:
     hold: bool = DEFAULT_READING[1]
 
     def __post_init__(self):
-        if not (np.isfinite(self.distance) and self.distance >= 0):
-            raise ValueError(f"distance: expected metres >= 0, found {self.distance}")
+        if not 0 <= self.distance <= MAX_DISTANCE:
+            expected = f"expected 0 to {MAX_DISTANCE:.0f} metres"
+            raise InputError(f"--object_shift: {expected}, found {self.distance}")
         if not 0 <= self.seed < 2**63:
-            raise ValueError(f"seed: expected 0 <= seed < 2**63, found {self.seed}")
+            raise InputError(f"--seed: expected 0 <= seed < 2**63, found {self.seed}")
         if self.length not in LENGTHS:
-            raise ValueError(f"length: expected one of {LENGTHS}, found {self.length!r}")
+            raise InputError(f"length: expected one of {LENGTHS}, found {self.length!r}")
 
     def offsets(self, objects: Objects, seq: int) -> np.ndarray:
         """Shifts (R, 2) of the rows of `objects`, all labels of a sequence; see `of_rows`."""

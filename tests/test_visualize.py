@@ -121,6 +121,7 @@ def test_animation_has_every_frame(root, tmp_path):
         ("scene", "a.png", (), "expected a file ending in .html"),
         ("scene", "a.html", ("--iou", "0"), "--iou: expected above 0 and at most 1, found 0"),
         ("scene", "a.html", ("--rerun", "a.txt"), "--rerun: expected a file ending in .rrd"),
+        ("scene", "a.html", ("--object_shift", "1e6"), "--object_shift: expected 0 to 1000 metres"),
         ("scene", "a.html", ("--results", "none"), "0000.txt"),
         ("scene", "a.html", ("--foreground", "--weights", "none"), "detector.npz: expected a"),
         ("birds_eye", "a.png", ("--results", "R", "--frame", "4"), "--frame: expected below 4"),

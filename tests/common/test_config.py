@@ -6,6 +6,7 @@ import pytest
 
 from common.config import from_dict, parse_json, to_dict
 from common.errors import InputError
+from models.config import DetectorConfig
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,3 +60,14 @@ def test_json_that_cannot_be_read_is_one_line(text):
     with pytest.raises(InputError, match=r"^c\.json: expected JSON: ") as error:
         parse_json(text, "c.json")
     assert "\n" not in str(error.value)
+
+
+def test_fields_that_contradict_each_other_name_the_file():
+    values = to_dict(DetectorConfig())
+    values["set_upconv"] = values["set_upconv"][:1]
+    message = r"a\.npz: set_upconv: expected 3 layers, one fewer than set_abstraction has, found 1"
+    with pytest.raises(InputError, match=message):
+        from_dict(DetectorConfig, values, "a.npz")
+    values = to_dict(DetectorConfig())
+    values["box"]["classes"] = ["car", "Cyclist"]
+    assert from_dict(DetectorConfig, values).box.classes == ("Car", "Cyclist")

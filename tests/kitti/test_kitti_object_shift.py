@@ -106,8 +106,8 @@ def test_distance_zero_moves_nothing_and_distance_scales(length, hold):
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"distance": -1.0}, "distance: expected metres >= 0"),
-        ({"distance": np.nan}, "distance"),
+        ({"distance": -1.0}, "--object_shift: expected 0 to 1000 metres"),
+        ({"distance": np.nan}, "--object_shift"),
         ({"distance": 1.0, "length": "gauss"}, "length: expected one of"),
         ({"distance": 1.0, "seed": -1}, "seed"),
     ],
