@@ -109,9 +109,9 @@ class Scans:
         for i in sorted({round(i) for i in np.linspace(0, len(frames) - 1, PROBED_SCANS)}):
             yield self.points(frames[i])
 
-    def consecutive(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Up to `PROBED_PAIRS` pairs of scans of adjacent frames, from the first to the last."""
-        pairs = [(t - 1, t) for t in self.files if t - 1 in self.files]
+    def consecutive(self, gap: int = 1) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Up to `PROBED_PAIRS` pairs of scans of frames t - gap and t, from first to last."""
+        pairs = [(t - gap, t) for t in self.files if t - gap in self.files]
         for i in sorted({round(i) for i in np.linspace(0, len(pairs) - 1, PROBED_PAIRS)}):
             if pairs:
                 yield self.points(pairs[i][0]), self.points(pairs[i][1])
@@ -167,7 +167,10 @@ def _check_heading(scans: Scans, calib: Calibration) -> None:
     def level(points: np.ndarray) -> np.ndarray:
         return calib.velo_to_level(points[:, :3])
 
-    ahead = axis_ahead([level(points) for points in pair] for pair in scans.consecutive())
+    ahead = None
+    for gap in (1, 2):  # slow drives tell after two frames
+        pairs = scans.consecutive(gap)
+        ahead = ahead or axis_ahead([level(points) for points in pair] for pair in pairs)
     if ahead is None and any(spreads_sideways(level(points)) for points in scans.probes()):
         note("the scene is wider than long; if y is ahead, give --scan_columns y,-x,z,i")
     if ahead in (None, "x"):
