@@ -118,7 +118,7 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     from models.inference import StreamingNetwork
 
     network = StreamingNetwork(*networks)
-    detector, tracker = networks
+    detector, tracker, _ = networks
     scans = [sequence.read_points_level(t) for t in (0, 1)]
     xyz = tf.constant(network.sample(scans[1], 1))
     rng = np.random.default_rng(0)
