@@ -1,6 +1,7 @@
 """Reads regular files of bounded size; writes files atomically."""
 
 import contextlib
+import fcntl
 import json
 import os
 import shutil
@@ -100,6 +101,22 @@ def write_arrays(path: str | Path, **arrays: Any) -> None:
 
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
+
+
+@contextlib.contextmanager
+def locked(path: str | Path, wait: bool = True) -> Iterator[bool]:
+    """Holds the lock file `path` against other processes; it stays on disk and frees at any end.
+
+    Yields whether it is held: without `wait`, False while another process holds it.
+    """
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    with Path(path).open("wb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            yield False
+        else:
+            yield True
 
 
 def copy_folder(source: str | Path, target: str | Path) -> None:

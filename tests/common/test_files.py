@@ -4,11 +4,13 @@ import errno
 import json
 import os
 import stat
+import subprocess
+import sys
 
 import pytest
 
 from common.errors import InputError
-from common.files import atomic_path, read_bytes, write_bytes, write_json, write_text
+from common.files import atomic_path, locked, read_bytes, write_bytes, write_json, write_text
 
 
 def test_writes_text_bytes_and_json(tmp_path):
@@ -77,3 +79,24 @@ def test_a_full_disk_names_the_file(tmp_path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert error.value.filename == str(tmp_path / "a.txt")
     assert os.listdir(tmp_path) == []
+
+
+HOLD = """
+import sys
+from common.files import locked
+with locked(sys.argv[1]) as held:
+    print(held, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_lock_is_held_against_another_process_until_its_end(tmp_path):
+    path = tmp_path / "folder" / "lock"
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", HOLD, path], stdin=pipe, stdout=pipe) as other:
+        assert other.stdout.readline() == b"True\n"
+        with locked(path, wait=False) as held:
+            assert not held
+        other.kill()
+    with locked(path, wait=False) as held:
+        assert held

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from helpers.small_weights import write_weights
 
 from common import flags
 from common.errors import InputError
+from common.files import locked
 from common.provenance import command
 from experiments import table3, table4
 from experiments.ablation import rows as ablation
@@ -70,7 +72,7 @@ def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
     stored = pair.stat().st_mtime_ns
     assert flags.run(table3.main, argv) == 0
     cosine, none = ("cosine_distance", "filter+FC1"), ("none", "filter+FC1")
-    assert trained == [(*cosine, 0), (*cosine, 1), (*cosine, 1), (*none, 0), (*none, 1)]
+    assert trained == [(*cosine, 0), (*none, 0), (*none, 0), (*cosine, 1), (*none, 1)]
 
     record = json.loads((tmp_path / "tables" / "table3.json").read_text())["figures"]
     assert list(record["rows"]) == list(names)
@@ -99,6 +101,25 @@ def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
 
     with pytest.raises(InputError, match="holds rows with another config"):
         table3.main([*argv, "--schedule.seed", "1"])
+
+
+def test_rows_of_another_process_come_last(tmp_path, monkeypatch):
+    first, second = table4.FEATURES.rows[:2]
+    args = SimpleNamespace(workdir=tmp_path, seeds=1)
+    order, other = [], locked(ablation.row_folder(first, 0, args) / "lock")
+    other.__enter__()
+
+    def measure(row, *more):
+        order.append(row)
+        if row is second:
+            other.__exit__(None, None, None)
+        return [{"row": row.name}]
+
+    monkeypatch.setattr(ablation, "measure_row", measure)
+    table = rows_of(table4.FEATURES, first.name, second.name)
+    found = ablation.measure_rows(table, args, None, None)
+    assert order == [second, first]
+    assert found == {row.name: [[{"row": row.name}]] for row in (first, second)}
 
 
 def test_rows_are_the_papers_and_two_of_ours():
