@@ -147,18 +147,27 @@ class StreamingNetwork:
             return _nothing()
         xyz = self.sample(points, t)
         proposals, probability, frame, kept = self._detect(xyz)
-        clusters = cluster(proposals, self.decoding)
         probability = probability.numpy()
-        scores = box_scores(clusters, self.scorer, xyz[0], probability)
         return FrameState(
             frame.xyz.numpy()[0],
             kept.numpy(),
             frame.features.numpy()[0],
-            best_first(clusters, scores, self.min_score),
+            self.boxes(proposals, probability, xyz[0]),
             probability,
             xyz[0],
             lambda: self._encode(frame),
         )
+
+    def boxes(
+        self, proposals: Proposals, probability: np.ndarray, points: np.ndarray
+    ) -> Detections:
+        """Decoded and scored proposals of a frame, best first.
+
+        points (N, 3), the input of the detector, and their foreground probability (N,).
+        """
+        clusters = cluster(proposals, self.decoding)
+        scores = box_scores(clusters, self.scorer, points, probability)
+        return best_first(clusters, scores, self.min_score)
 
     def restored(
         self, points: np.ndarray, foreground: np.ndarray, features: np.ndarray, found: Detections

@@ -264,7 +264,7 @@ def evaluate_row(
             object_shift=distance,
         )
         scenes = settings.open_scenes()
-        frames = args.workdir / "frames" / own.tracker.fused_features / f"D{distance:g}"
+        frames = args.workdir / "frames" / f"D{distance:g}"
         with locked(frames / "lock"):
             store_frames(network, scenes, frames, f"detector, D = {distance:g} m")
         found = StoredDetections(network, frames)

@@ -1,22 +1,27 @@
 """Outputs of the frozen detector for evaluated frames, stored on disk for several trackers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import tensorflow as tf
 
 from common.files import write_arrays
 from common.progress import Progress
 from evaluation.detections import NetworkStream
 from evaluation.scene import Scene
 from models.boxes.box_decoding import Detections
-from models.inference import FrameState, StreamingNetwork
+from models.config import FUSED_FEATURES
+from models.detector import detector_inputs
+from models.inference import FrameState, StreamingNetwork, frame_proposals
+from models.tracker import FusedFeatures
 from tracking import FrameDetections
 
 
-def frame_path(folder: Path, scene: Scene, t: int) -> Path:
-    """The file of a frame."""
-    return folder / scene.name / f"{t:06d}.npz"
+def frame_path(folder: Path, fused_features: str, scene: Scene, t: int) -> Path:
+    """The file of a frame for a row of Table IV."""
+    return folder / fused_features / scene.name / f"{t:06d}.npz"
 
 
 def store_frames(
@@ -24,26 +29,64 @@ def store_frames(
 ) -> None:
     """Writes boxes, kept points and features (float16) of every frame that has no file yet.
 
-    `network`: the configuration of its tracker selects points and features; it is not run.
+    One pass of the detector serves all rows of Table IV, each with a file of its own.
+    `network`: the configuration of its tracker gives the number of points; it is not run.
     """
+    pass_detector = _detector_pass(network)
     with Progress(sum(len(scene.frames) for scene in scenes), title, "frames") as bar:
         for scene in scenes:
             for t in scene.frames:
-                path = frame_path(folder, scene, t)
-                if not path.is_file():
-                    points = scene.points(t)
-                    state = network.detect(np.zeros((0, 3)) if points is None else points, t)
-                    found = state.detections
-                    write_arrays(
-                        path,
-                        points=state.points,
-                        foreground=state.foreground,
-                        features=state.features.astype(np.float16),
-                        boxes=found.boxes,
-                        scores=found.scores,
-                        classes=found.classes,
-                    )
+                if not frame_path(folder, FUSED_FEATURES[-1], scene, t).is_file():
+                    for name, arrays in pass_detector(scene.points(t), t).items():
+                        write_arrays(frame_path(folder, name, scene, t), **arrays)
                 bar.update()
+
+
+Arrays = dict[str, np.ndarray]
+
+
+def _detector_pass(
+    network: StreamingNetwork,
+) -> Callable[[np.ndarray | None, int], dict[str, Arrays]]:
+    """A function of points and frame number: the arrays of each row of Table IV."""
+    detector, config = network.detector, network.tracker.config
+    rows = {n: FusedFeatures(replace(config, fused_features=n)) for n in FUSED_FEATURES}
+
+    @tf.function(jit_compile=False, autograph=False)
+    def run(xyz):
+        inputs = detector_inputs(xyz, detector.config)
+        outputs = detector(inputs, training=False)
+        least = network.decoding.min_probability
+        chosen = {name: choose(inputs, outputs) for name, choose in rows.items()}
+        return *frame_proposals(detector, xyz, outputs, least), chosen
+
+    def arrays(points, t):
+        if points is None or not len(points):
+            state = network.detect(np.zeros((0, 3)), t)
+            found = state.points, state.foreground, state.features, state.detections
+            return dict.fromkeys(rows, _arrays(*found))
+        xyz = network.sample(points, t)
+        proposals, probability, chosen = run(xyz)
+        probability = probability.numpy()
+        boxes = network.boxes(proposals, probability, xyz[0])
+        return {
+            name: _arrays(
+                frame.xyz.numpy()[0],
+                probability[frame.rows.numpy()[0]],
+                frame.features.numpy()[0],
+                boxes,
+            )
+            for name, frame in chosen.items()
+        }
+
+    return arrays
+
+
+def _arrays(
+    points: np.ndarray, foreground: np.ndarray, features: np.ndarray, found: Detections
+) -> Arrays:
+    arrays = {"points": points, "foreground": foreground, "features": features.astype(np.float16)}
+    return {**arrays, **found._asdict()}
 
 
 class StoredDetections:
@@ -51,7 +94,7 @@ class StoredDetections:
 
     Args:
         network: its tracker was trained on the detector that made the frames; runs once a scene.
-        folder: of `store_frames`, called with the tracker's kept points and features.
+        folder: of `store_frames`, called with the tracker's number of points.
     """
 
     def __init__(self, network: StreamingNetwork, folder: Path):
@@ -68,7 +111,8 @@ class StoredDetections:
         yield from self._found[scene.name]
 
     def _state(self, scene: Scene, t: int) -> FrameState:
-        with np.load(frame_path(self.folder, scene, t)) as file:
+        name = self.network.tracker.config.fused_features
+        with np.load(frame_path(self.folder, name, scene, t)) as file:
             found = Detections(file["boxes"], file["scores"], file["classes"])
             features = file["features"].astype(np.float32)
             return self.network.restored(file["points"], file["foreground"], features, found)

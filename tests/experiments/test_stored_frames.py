@@ -1,5 +1,7 @@
 """Stored frames give the boxes and, within float16, the displacement of the networks themselves."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers import two_cars
@@ -8,21 +10,30 @@ from helpers.small_weights import write_weights
 from evaluation.detections import NetworkDetections
 from evaluation.scene import open_scenes
 from experiments.ablation.stored_frames import StoredDetections, frame_path, store_frames
+from models.config import FUSED_FEATURES
 from models.inference import StreamingNetwork
+from models.tracker import TrackingNetwork
 from models.weights import load_networks
 
 
-@pytest.mark.parametrize("missing", [None, 1])
-def test_stored_frames_equal_the_networks(tmp_path, missing):
+@pytest.mark.parametrize(
+    ("missing", "fused_features"), [(None, "filter+FC1"), (1, "filter+FC1"), (None, "DSA3+DFP3")]
+)
+def test_stored_frames_equal_the_networks(tmp_path, missing, fused_features):
     two_cars.write_sequence(tmp_path, 0, frames=3)
     if missing is not None:
         (tmp_path / "training" / "velodyne" / "0000" / f"{missing:06d}.bin").unlink()
-    network = StreamingNetwork(*load_networks(write_weights(tmp_path / "weights")), min_score=0.0)
+    detector, tracker, scorer = load_networks(write_weights(tmp_path / "weights"))
+    if fused_features != tracker.config.fused_features:
+        config = dataclasses.replace(tracker.config, fused_features=fused_features)
+        tracker = TrackingNetwork(detector.config, config)
+    network = StreamingNetwork(detector, tracker, scorer, min_score=0.0)
     scenes = open_scenes(tmp_path, [0])
     store_frames(network, scenes, tmp_path / "frames", "detector")
-    stored = frame_path(tmp_path / "frames", scenes[0], 0).stat().st_mtime_ns
+    first = frame_path(tmp_path / "frames", FUSED_FEATURES[-1], scenes[0], 0)
+    stored = first.stat().st_mtime_ns
     store_frames(network, scenes, tmp_path / "frames", "detector")  # nothing left to do
-    assert frame_path(tmp_path / "frames", scenes[0], 0).stat().st_mtime_ns == stored
+    assert first.stat().st_mtime_ns == stored
     expected = list(NetworkDetections(network).frames(scenes[0]))
     found = list(StoredDetections(network, tmp_path / "frames").frames(scenes[0]))
     assert [f.t for f in found] == [f.t for f in expected] == [0, 1, 2]
