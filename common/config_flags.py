@@ -142,13 +142,7 @@ def _parse_bool(text: str) -> bool:
     return text == "true"
 
 
-def _parse_path(text: str) -> Path:
-    if not text:  # an unset variable of a shell, which Path takes for the working directory
-        raise argparse.ArgumentTypeError("expected a path, found ''")
-    return Path(text)
-
-
-_PARSERS = {int: integer, float: number, str: str, Path: _parse_path, bool: _parse_bool}
+_PARSERS = {int: integer, float: number, str: str, Path: Path, bool: _parse_bool}
 
 
 def _parse_json(text: str) -> Any:

@@ -22,13 +22,25 @@ INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 class ArgumentParser(argparse.ArgumentParser):
     """argparse with one-line errors, exact flag names and defaults in the help.
 
-    A word behind a single dash is a value, such as -1e-3 or -y,x,z.
+    A word behind a single dash is a value, such as -1e-3 or -y,x,z. An empty value, such as an
+    unset variable of a shell, is refused: as a path it would be the working directory.
     """
 
     def __init__(self, **kwargs):
         kwargs.setdefault("formatter_class", argparse.ArgumentDefaultsHelpFormatter)
         super().__init__(allow_abbrev=False, **kwargs)
         self._negative_number_matcher = re.compile("-[^-]")  # argparse's own lacks exponents
+
+    def parse_args(self, args=None, namespace=None):
+        """See argparse."""
+        words = sys.argv[1:] if args is None else list(args)
+        for before, word in zip(["", *words], words, strict=False):
+            name, equals, value = word.partition("=")
+            if not word.strip():
+                self.error(f"argument {before}: expected a value, found {word!r}")
+            if name.startswith("--") and equals and not value.strip():
+                self.error(f"argument {name}: expected a value, found {value!r}")
+        return super().parse_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Prints one line and exits with code 2."""

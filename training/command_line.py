@@ -45,11 +45,6 @@ def _workers(text: str) -> int:
     return value
 
 
-def defaults(config):
-    """The default flags of a training; its data and workdir are empty."""
-    return parser("", config).parse_args(["--data_root", "", "--workdir", ""])
-
-
 def configured(flags, config):
     """The configuration given by the flags; --smoke shortens it."""
     config = from_flags(config, flags)

@@ -71,7 +71,7 @@ def test_a_bad_file_is_named(tmp_path, text, message):
 def test_an_empty_path_is_not_the_working_directory(tmp_path, capsys):
     with pytest.raises(SystemExit):
         read("--root", "")
-    assert "--root: expected a path, found ''" in capsys.readouterr().err
+    assert "--root: expected a value, found ''" in capsys.readouterr().err
     (tmp_path / "config.json").write_text('{"root": ""}')
     with pytest.raises(InputError, match="--root: expected Path, found ''"):
         read("--config", str(tmp_path / "config.json"))

@@ -162,6 +162,18 @@ def test_progress_and_notes_that_nobody_can_read_lose_no_work(redirection):
     assert (done.returncode, done.stdout) == (0, b"['a', 'b']\n")
 
 
+@pytest.mark.parametrize("words", [["--out", ""], ["--out="], ["--out", " "], ["--out", "a", ""]])
+def test_empty_values_are_refused(capsys, words):
+    """Those of unset variables of a shell."""
+    parser = flags.ArgumentParser(prog="tool")
+    parser.add_argument("--out", type=Path, nargs="+")
+    with pytest.raises(SystemExit) as stop:
+        parser.parse_args(words)
+    assert stop.value.code == 2
+    assert "expected a value, found '" in capsys.readouterr().err
+    assert parser.parse_args(["--out", "a=", "b"]).out == [Path("a="), Path("b")]
+
+
 @pytest.mark.parametrize("text", ["\u0663", "1_0", "x", "", "1" * 5000])
 def test_numbers_are_ascii_digits(text):
     for parse in (flags.integer, flags.positive_int, flags.non_negative_int):
