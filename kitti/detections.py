@@ -11,11 +11,11 @@ from common.errors import InputError
 from kitti.boxes import level_from_camera
 from kitti.labels import (
     Limit,
+    check_boxes,
     frames_of,
     known_classes,
     read_results,
     refuse_magnitudes,
-    refuse_sizes,
     sorted_by_frame,
 )
 from kitti.objects import Objects
@@ -84,14 +84,14 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
         ~np.isin(number, list(DETECTION_TYPES)), f"column 2: expected one of the types {known}"
     )
     values = table.numbers(2, DETECTION_COLUMNS)
-    refuse_sizes(table, values[:, 5:8], np.ones(len(table), bool), "columns 8-10")
+    kind = np.array([DETECTION_TYPES.get(key, "") for key in range(4)])[number]
+    check_boxes(table, values[:, 5:12], kind, np.ones(len(table), bool), 8)
     refuse_magnitudes(table, np.delete(values, 4, axis=1), values[:, 4])
-    names = np.array([DETECTION_TYPES.get(key, "") for key in range(4)])
     return sorted_by_frame(
         Objects(
             frame=frame,
             track_id=np.full(len(table), -1),
-            type=names[number],
+            type=kind,
             truncation=np.full(len(table), -1),
             occlusion=np.full(len(table), -1),
             alpha=values[:, 12],
@@ -133,7 +133,7 @@ def _object_file(path: Path, frame: int) -> Objects:
     kind, values = known_classes(table, 0), table.numbers(1, table.width)
     cared_for = kind != "DontCare"
     score = values[:, 14] if table.width == max(OBJECT_COLUMNS) else np.full(len(table), np.nan)
-    refuse_sizes(table, values[:, 7:10], cared_for, "columns 9-11")
+    check_boxes(table, values[:, 7:14], kind, cared_for, 9)
     refuse_magnitudes(table, values[:, :14], score)
     rows = Objects(
         frame=np.full(len(table), frame),

@@ -6,6 +6,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.files import write_text
+from common.notes import note
 from kitti.boxes import camera_from_level, level_from_camera
 from kitti.objects import CLASSES, Objects, class_name
 from kitti.tables import Table, read_table
@@ -18,6 +19,9 @@ MAX_FRAMES = 100_000
 MIN_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e7, 1e12
 """Bounds of box sizes (metres), coordinates (metres, pixels) and scores: beyond them a number is an
 error of the input, is lost in the decimals of a result file, or overflows."""
+MAX_HEADING = 4 * np.pi
+"""Bound of headings in radians, which trackers may leave unwrapped; degrees are beyond it."""
+_LONG = ("Car", "Van", "Truck")  # longer than high
 
 # Values that mean "no 3-D box", h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
 _NO_BOX_LABEL = (-1000.0, -1000.0, -1000.0, -10.0, -1.0, -1.0, -1.0)
@@ -55,7 +59,7 @@ def read_labels(path: str | Path, num_frames: int | None = None) -> Objects:
     table = read_table(path, (LABEL_COLUMNS,), text_column=TYPE_COLUMN)
     if not len(table) and num_frames is None:
         raise InputError("is empty, expected label rows of 17 columns", path)
-    return _objects(table, num_frames)
+    return _objects(table, num_frames, np.zeros(len(table), bool))
 
 
 def read_results(path: str | Path, num_frames: int | None = None, tracked: bool = True) -> Objects:
@@ -68,11 +72,14 @@ def read_results(path: str | Path, num_frames: int | None = None, tracked: bool 
     Raises:
         InputError: as `read_labels`.
     """
-    widths = (LABEL_COLUMNS, RESULT_COLUMNS)
-    return _objects(read_table(path, widths, text_column=TYPE_COLUMN), num_frames, tracked)
+    table = read_table(path, (LABEL_COLUMNS, RESULT_COLUMNS), text_column=TYPE_COLUMN)
+    boxless = (table.numbers(10, LABEL_COLUMNS) == _NO_BOX_RESULT).all(axis=1)
+    return _objects(table, num_frames, boxless, tracked)
 
 
-def _objects(table: Table, num_frames: int | None, tracked: bool = True) -> Objects:
+def _objects(
+    table: Table, num_frames: int | None, boxless: np.ndarray, tracked: bool = True
+) -> Objects:
     frame, track_id = frames_of(table, num_frames), table.integers(1, "track id", bits=64)
     kind = known_classes(table, 2)
     occlusion = table.integers(4, "occlusion state")
@@ -81,8 +88,9 @@ def _objects(table: Table, num_frames: int | None, tracked: bool = True) -> Obje
     cared_for = kind != "DontCare"
     if tracked:
         table.refuse(cared_for & (track_id < 0), "column 2: expected a track id >= 0")
-    has_box = cared_for & ~(values[:, 5:12] == _NO_BOX_RESULT).all(axis=1)
-    refuse_sizes(table, values[:, 5:8], has_box, "columns 11-13")
+        track_id[~cared_for] = -1
+    has_box = cared_for & ~boxless
+    check_boxes(table, values[:, 5:12], kind, has_box, 11)
     scored = values.shape[1] == RESULT_COLUMNS - 5
     score = values[:, 12] if scored else np.full(len(table), np.nan)
     refuse_magnitudes(table, np.column_stack([truncation, values[:, :12]]), score)
@@ -119,10 +127,22 @@ def known_classes(table: Table, column: int) -> np.ndarray:
     return kind
 
 
-def refuse_sizes(table: Table, sizes: np.ndarray, has_box: np.ndarray, where: str) -> None:
-    table.refuse(has_box & (sizes <= 0).any(axis=1), f"{where}: expected sizes h w l above 0")
-    small = f"{where}: expected sizes h w l of at least {MIN_SIZE} metres"
-    table.refuse(has_box & (sizes < MIN_SIZE).any(axis=1), small)
+def check_boxes(
+    table: Table, camera: np.ndarray, kind: np.ndarray, has_box: np.ndarray, column: int
+) -> None:
+    """Refuses boxes h w l x y z ry (R, 7) that are none; notes vehicles that are higher than long.
+
+    kind: (R,) classes; has_box: (R,) the rows to check; column: 1-based, of h in the file.
+    """
+    sizes, where = camera[:, :3], f"columns {column}-{column + 2}: expected sizes h w l"
+    table.refuse(has_box & (sizes <= 0).any(axis=1), f"{where} above 0")
+    small = has_box & (sizes < MIN_SIZE).any(axis=1)
+    table.refuse(small, f"{where} of at least {MIN_SIZE} metres")
+    turned = has_box & (np.abs(camera[:, 6]) > MAX_HEADING)
+    table.refuse(turned, f"column {column + 6}: expected a heading in radians, -pi to pi")
+    long = has_box & np.isin(kind, _LONG)
+    if long.any() and np.median(camera[long, 0] - camera[long, 2]) > 0:
+        note(f"{table.path}: vehicles are higher than long; {where}, in this order")
 
 
 def refuse_magnitudes(table: Table, values: np.ndarray, score: np.ndarray) -> None:

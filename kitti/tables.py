@@ -148,9 +148,11 @@ def read_table(
     width = len(rows[0].split(separator)) if rows else max(widths)
     parsed = _parse(rows, width, separator, text_column) if width in widths else None
     if parsed is None:
-        blank = Table(Path(path), source, np.zeros((len(rows), width)), np.zeros(len(rows), _TEXT))
-        _refuse_other_widths(blank, [line.split(separator) for line in rows], widths)
-        _refuse_words(blank, [line.split(separator) for line in rows], text_column)
+        zeros = np.zeros((len(rows), width)), np.zeros(len(rows), _TEXT)
+        blank = Table(Path(path), source, *zeros, separator)
+        words = [line.split(separator) for line in rows]
+        _refuse_other_widths(blank, words, widths)
+        _refuse_words(blank, words, text_column)
         raise InputError("expected a table of numbers", path)
     if len(rows) > 1 and source[-1].strip():
         last = [line.split(separator)[-1] for line in rows]
@@ -184,7 +186,9 @@ def _refuse_other_widths(table: Table, rows: list[list[str]], widths: tuple[int,
     for i, row in enumerate(rows):
         if len(row) not in expected:
             allowed = " or ".join(map(str, expected))
-            raise table.error(f"expected {allowed} columns, found {len(row)}", i)
+            between = "white space" if table.separator is None else repr(table.separator)
+            found = f"found {len(row)} (between columns: {between})"
+            raise table.error(f"expected {allowed} columns, {found}", i)
 
 
 def _refuse_words(table: Table, rows: list[list[str]], text_column: int | None) -> None:

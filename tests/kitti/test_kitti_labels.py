@@ -1,5 +1,7 @@
 """Labels, results and detections: round trips, and every kind of bad row."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from helpers.kitti_rows import dont_care_row, label_row
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from kitti.boxes import wrap_angle
-from kitti.detections import read_detections
+from kitti.detections import read_detection_folder, read_detections
 from kitti.labels import (
     read_labels,
     read_results,
@@ -182,6 +184,11 @@ BAD_ROWS = [
     (_changed(14, "nan"), "column 14: expected a finite number, found 'nan'"),
     (_changed(16, "inf"), "column 16: expected a finite number, found 'inf'"),
     (_changed(17, "-inf"), "column 17: expected a finite number"),
+    (_changed(17, "-119.5"), "column 17: expected a heading in radians"),
+    (
+        " ".join([*label_row(7, 1).split()[:10], "-1 -1 -1 -1000 -1000 -1000 -10"]),
+        "columns 11-13: expected sizes h w l above 0",
+    ),
     (_changed(17, "0.3.1"), "column 17: expected a number, found '0.3.1'"),
     (label_row(0, 1), "frame 0 has track id 1 twice"),
 ]
@@ -206,6 +213,41 @@ def test_classes_are_read_in_any_case(tmp_path):
     rows[1] = rows[1].replace("7 1", "8 1", 1)
     found = read_labels(_write(tmp_path / "l.txt", rows))
     assert found.type.tolist() == ["Car", "DontCare", "Person_sitting"]
+
+
+def test_ids_of_dont_care_regions_are_no_matter(tmp_path):
+    numbered = dont_care_row(0).replace("0 -1", "0 3", 1)
+    rows = [numbered, numbered, label_row(0, 3), label_row(1, 3)]
+    assert read_labels(_write(tmp_path / "l.txt", rows)).track_id.tolist() == [-1, -1, 3, 3]
+
+
+def test_headings_in_degrees_are_refused_in_every_layout(tmp_path):
+    """-6.5 radians, which trackers that do not wrap write, is read."""
+    car = DETECTION.format(frame=0, score=1)
+    files = {
+        "0000": car.replace(",0.3,", ",{},"),
+        "0001": label_row(0, 1).removesuffix("0.3") + "{} 0.9",
+        "0002/000000": " ".join([*label_row(0, 1).split()[2:-1], "{} 0.9"]),
+    }
+    (tmp_path / "0002").mkdir()
+    for name, row in files.items():
+        for heading in (-6.5, 90.0):
+            _write(tmp_path / f"{name}.txt", [row.format(heading)])
+            refused = pytest.raises(InputError, match="expected a heading in radians")
+            with contextlib.nullcontext() if heading < 0 else refused:
+                assert len(read_detection_folder(tmp_path, name[:4], 1)) == 1
+
+
+def test_sizes_in_another_order_are_noted(tmp_path, capsys):
+    """l w h instead of h w l."""
+    good = [label_row(0, 1), label_row(0, 2, "Pedestrian").replace("1.6 4.0", "1.6 0.6")]
+    read_labels(_write(tmp_path / "a.txt", good))
+    assert capsys.readouterr().err == ""
+    read_labels(
+        _write(tmp_path / "b.txt", [good[0].replace("1.5 1.6 4.0", "4.0 1.6 1.5"), good[1]])
+    )
+    expected = "b.txt: vehicles are higher than long; columns 11-13: expected sizes h w l"
+    assert expected in capsys.readouterr().err
 
 
 def test_an_id_may_be_there_once_per_class(tmp_path):
@@ -313,7 +355,7 @@ def test_detections(tmp_path):
     ("change", "message"),
     [
         (("1.5,1.6,4.0", "1.5,1e-300,4.0"), "columns 8-10: expected sizes h w l of at least"),
-        ((",0.3,", ",1e308,"), "expected numbers of magnitude"),
+        ((",20.0,", ",1e308,"), "expected numbers of magnitude"),
         ((",2,100", ",4,100"), r"column 2: expected one of the types 1 \(Pedestrian\) 2 \(Car\)"),
         (("1.5,1.6,4.0", "1.5,1.6,0"), "columns 8-10: expected sizes"),
         ((",-1.5", ""), "expected 15 columns, found 14"),
