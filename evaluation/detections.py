@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from common.errors import InputError
+from common.notes import note
 from evaluation.scene import Scene
 from kitti.objects import VEHICLES, Objects
 from tracking.frame_detections import FrameDetections
@@ -60,11 +61,11 @@ class DetectionFiles:
         min_score: float = -np.inf,
     ):
         check_folder(folder)
-        self.detections = {}
-        for scene in scenes:
-            found = scene.sequence.read_detections(folder, alone=len(scenes) == 1)
-            found = found.of_classes(classes)
-            self.detections[scene.name] = found[~(found.score < min_score)]
+        alone = len(scenes) == 1
+        read = {s.name: s.sequence.read_detections(folder, alone) for s in scenes}
+        note_other_classes(folder, Objects.concatenate(read.values()), classes)
+        chosen = {name: rows.of_classes(classes) for name, rows in read.items()}
+        self.detections = {n: rows[~(rows.score < min_score)] for n, rows in chosen.items()}
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
@@ -181,6 +182,13 @@ def by_frame(objects: Objects, frames: range) -> Iterator[FrameDetections]:
     for t, first, last in zip(frames, edges[:-1], edges[1:], strict=True):
         rows = slice(first, last)
         yield FrameDetections(t, objects.boxes[rows], scores[rows], objects.type[rows])
+
+
+def note_other_classes(folder: str | Path, rows: Objects, classes: Sequence[str]) -> None:
+    """Notes boxes of files that are all of other classes than those that are evaluated."""
+    if len(rows) and not len(rows.of_classes(classes)):
+        found = ", ".join(sorted(set(rows.type.tolist())))
+        note(f"{folder}: no box is of --classes {','.join(classes)}, all are {found}")
 
 
 def check_folder(folder: str | Path) -> None:

@@ -1,17 +1,19 @@
 """One evaluation from a configuration to metrics and files."""
 
+import contextlib
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from common.config import to_dict
+from common.config import parse_json, to_dict
 from common.errors import InputError
-from common.files import write_json, write_text
+from common.files import read_bytes, write_json, write_text
+from common.notes import note
 from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
@@ -22,6 +24,7 @@ from evaluation.detections import (
     LabelBoxes,
     NetworkDetections,
     check_folder,
+    note_other_classes,
 )
 from evaluation.scene import Scene
 from evaluation.submission import SUBMISSION, write_submission
@@ -35,8 +38,8 @@ from metrics.comparison import track_scores
 from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
 
-TRACKS = "tracks"
-_RESULT_NAME = re.compile(r"\d{4}\.txt", re.ASCII)
+TRACKS, METRICS = "tracks", "metrics.json"
+_NAME = re.compile(r"\d{4}", re.ASCII)  # of a sequence
 
 
 def evaluate(
@@ -54,9 +57,10 @@ def evaluate(
     Raises:
         InputError: bad input; `out` then has no new file.
     """
-    if config.out is not None:
-        check_writable(config.out)
     scenes = config.open_scenes(shift)
+    if config.out is not None:
+        _check_inputs_stay(config, scenes)
+        check_writable(config.out)
     results, least = _results(config, scenes, provider)
     metrics = score(config, scenes, results)
     thresholds = {"min_box_score": config.min_box_score, "min_track_score": least}
@@ -64,7 +68,7 @@ def evaluate(
     record = {"run": {**run, **thresholds}, **metrics}
     if config.out is not None:
         write_text(config.out / "table.md", full_table(metrics, run["command"], thresholds))
-        write_json(config.out / "metrics.json", record)
+        write_json(config.out / METRICS, record)
         write_json(config.out / "config.json", record["run"])
         if config.subset == "testing":
             files = [config.out / TRACKS / f"{scene.name}.txt" for scene in scenes]
@@ -128,13 +132,27 @@ def _results(
     """
     if config.results is not None:
         check_folder(config.results)
-        return _above_threshold(config, scenes, _read(config.results, scenes))
+        read = _read(config.results, scenes)
+        _note_unusable(config, read.values())
+        return _above_threshold(config, scenes, read)
     with tempfile.TemporaryDirectory() as folder:
         tracked = _write(Path(folder), scenes, run_tracker(config, scenes, provider))
     kept, threshold = _above_threshold(config, scenes, tracked)
     if config.out is not None:
         kept = _write(config.out / TRACKS, scenes, kept)
+        _remove_others(config.out, kept)
     return kept, threshold
+
+
+def _note_unusable(config: EvaluateConfig, results: Iterable[Objects]) -> None:
+    """Notes result rows that can match nothing: of other classes, or without a 3-D box."""
+    rows = Objects.concatenate(results)
+    note_other_classes(config.results, rows, config.classes)
+    flat = np.isnan(rows.of_classes(config.classes).boxes).any(axis=1)
+    solid = ", ".join(name for name in config.protocols if "3d" in name)
+    if flat.any() and solid:
+        count = f"{int(flat.sum())} of {len(flat)} boxes"
+        note(f"{config.results}: {count} are 2-D alone and match nothing in {solid}")
 
 
 def _above_threshold(
@@ -157,14 +175,33 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
     folder.mkdir(parents=True, exist_ok=True)
     for name, rows in tracked.items():
         write_results(folder / f"{name}.txt", rows)
-    for path in folder.iterdir():  # other sequences, written by an earlier run
-        if _RESULT_NAME.fullmatch(path.name) and path.stem not in tracked:
-            path.unlink()
     return _read(folder, scenes)
+
+
+def _remove_others(out: Path, kept: Collection[str]) -> None:
+    """Removes the result files of other sequences that an earlier run's metrics.json names."""
+    record, names = out / METRICS, []
+    with contextlib.suppress(InputError, LookupError, TypeError):
+        names = parse_json(read_bytes(record), record)["run"]["data"]["sequences"]
+    for name in names if isinstance(names, list) else []:
+        if isinstance(name, str) and _NAME.fullmatch(name) and name not in kept:
+            (out / TRACKS / f"{name}.txt").unlink(missing_ok=True)
 
 
 def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
     return {s.name: s.sequence.read_results(text_file(folder, s.name)) for s in scenes}
+
+
+def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:
+    """Refuses an output folder whose result files would replace files that are read or others'."""
+    tracks = config.out / TRACKS
+    if config.results is not None or not tracks.is_dir():
+        return
+    read = {scene.sequence.label_path.parent for scene in scenes}
+    if config.detections not in (GROUND_TRUTH, NETWORK):
+        read.add(Path(config.detections))
+    if any(folder.exists() and folder.samefile(tracks) for folder in read):
+        raise InputError("--out: its result files would replace those that are read", tracks)
 
 
 def check_writable(folder: Path) -> None:

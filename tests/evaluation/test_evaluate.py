@@ -121,10 +121,13 @@ def test_best_threshold_never_lowers_mota(tiny_root, tmp_path):
 
 
 def test_tracks_of_another_run_do_not_stay(tiny_root, tmp_path):
+    """Those that its metrics.json names; a file that no run wrote stays."""
+    (tmp_path / "tracks").mkdir()
+    (tmp_path / "tracks" / "0007.txt").write_text("theirs")
     run(tiny_root, tmp_path)
     arguments = ["--data_root", str(tiny_root), "--seqs", "0001", "--out", str(tmp_path)]
     evaluate.main(arguments)
-    assert [path.name for path in (tmp_path / "tracks").iterdir()] == ["0001.txt"]
+    assert {path.name for path in (tmp_path / "tracks").iterdir()} == {"0001.txt", "0007.txt"}
 
 
 def test_importable_without_files(tiny_root):

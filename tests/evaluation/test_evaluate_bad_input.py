@@ -68,6 +68,19 @@ def test_missing_result_file_and_folder(tiny_root, tmp_path, theirs, fails):
     assert "expected a directory" in fails(*arguments, "--detections", tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize("inside", ["detections", "training/label_02"])
+def test_inputs_are_not_replaced_by_the_output(tmp_path, fails, inside):
+    """Directly, or through a link: tracks/ of the output folder is the folder that is read."""
+    root = tiny_kitti.make(tmp_path / "kitti")
+    (root / inside).rename(tmp_path / "tracks")
+    (root / inside).symlink_to(tmp_path / "tracks")
+    before = {path: path.read_text() for path in (tmp_path / "tracks").iterdir()}
+    given = ("--data_root", root, "--seqs", "0000", "--out", tmp_path, "--tracker", "sort")
+    message = fails(*given, "--detections", root / "detections")
+    assert "tracks: --out: its result files would replace those that are read" in message
+    assert {path: path.read_text() for path in (tmp_path / "tracks").iterdir()} == before
+
+
 def test_bad_detections_are_found_before_any_work(tiny_root, tmp_path, fails):
     folder = tmp_path / "detections"
     folder.mkdir()

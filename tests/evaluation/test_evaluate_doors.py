@@ -125,6 +125,26 @@ def test_pedestrians_are_evaluated_and_other_classes_refused(root, tmp_path, fai
     assert not (tmp_path / "a").exists()
 
 
+def test_boxes_that_can_match_nothing_are_noted(root, tmp_path, capsys):
+    """Of other classes than those evaluated, or of a 2-D tracker under a 3-D protocol."""
+    results = tmp_path / "theirs"
+    results.mkdir()
+    row = "0 1 Pedestrian 0 0 -1.5 100 120 200 180 {} 0.9\n"
+    (results / "0000.txt").write_text(row.format("1.7 0.6 0.6 2.0 1.7 20.0 0.3"))
+    other = "no box is of --classes Car,Van, all are Pedestrian"
+    run(root, tmp_path / "a", "--results", results)
+    assert f"{results}: {other}" in capsys.readouterr().err
+    boxes = shutil.copytree(results, tmp_path / "boxes")
+    run(root, tmp_path / "a", "--detections", boxes, "--tracker", "sort")
+    assert f"{boxes}: {other}" in capsys.readouterr().err
+    flat = row.format("-1 -1 -1 -1000 -1000 -1000 -10").replace("Pedestrian", "Car")
+    (results / "0000.txt").write_text(flat)
+    run(root, tmp_path / "a", "--results", results, "--protocol", "kitti2d")
+    assert "2-D alone" not in capsys.readouterr().err
+    run(root, tmp_path / "a", "--results", results, "--protocol", "kitti2d,clear3d")
+    assert "1 of 1 boxes are 2-D alone and match nothing in clear3d" in capsys.readouterr().err
+
+
 def test_detections_that_go_on_after_the_labels(root, tmp_path, fails):
     (root / "training" / f"{SEQMAP}.training").unlink()
     path = root / "detections" / "0000.txt"
