@@ -22,7 +22,10 @@ _ALIASES = {
     "Tr_imu_velo": "Tr_imu_to_velo",
 }
 _WRITTEN = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")
-_SHAPES = dict.fromkeys((*_WRITTEN, "Tr"), (3, 4)) | {"R0_rect": (3, 3), "S_rect_02": (2, 1)}
+_SHAPES = dict.fromkeys((*_WRITTEN, "Tr"), (3, 4)) | {
+    **{"R0_rect": (3, 3), "S_rect_02": (2, 1)},
+    **{"R": (3, 3), "T": (3, 1)},
+}
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
 _MAX_NUMBER = 1e6  # metres, pixels
 _FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
@@ -103,7 +106,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
     Keys may have a colon and any of KITTI's spellings; other keys are ignored. P0, P1, P3,
     Tr_imu_to_velo and S_rect_02 are optional. Odometry's `Tr` (Velodyne -> rectified camera 0)
-    replaces R0_rect and Tr_velo_to_cam.
+    replaces R0_rect and Tr_velo_to_cam, the raw data's `R` and `T` replace Tr_velo_to_cam.
 
     Raises:
         InputError: a key is missing or repeated, has a wrong number of values, a value is not a
@@ -119,6 +122,9 @@ def read_calibration(path: str | Path) -> Calibration:
         if name in found:
             raise InputError(f"{name} is there twice, expected once", path, number)
         found[name] = _matrix(name, words[1:], path, number)
+    rotation, offset = found.pop("R", None), found.pop("T", None)
+    if rotation is not None and offset is not None:
+        found.setdefault("Tr_velo_to_cam", np.hstack([rotation, offset]))
     size, to_rectified = found.pop("S_rect_02", None), found.pop("Tr", None)
     if to_rectified is not None and "Tr_velo_to_cam" not in found:
         found |= {"R0_rect": np.eye(3), "Tr_velo_to_cam": to_rectified}
@@ -156,11 +162,12 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         if fault:
             raise InputError(f"{name}: {fault}", path, line)
         return matrix
-    if not is_rotation(matrix[:, :3]):
+    if name != "T" and not is_rotation(matrix[:, :3]):
         raise InputError(f"{name}: its left 3x3 block is not a rotation", path, line)
-    if np.abs(matrix[:, 3:]).max(initial=0.0) > _MAX_OFFSET:
+    offset = (matrix if name == "T" else matrix[:, 3:]).ravel()
+    if np.abs(offset).max(initial=0.0) > _MAX_OFFSET:
         expected = f"expected an offset of at most {_MAX_OFFSET:.0f} metres"
-        raise InputError(f"{name}: {expected}, found {matrix[:, 3]}", path, line)
+        raise InputError(f"{name}: {expected}, found {offset}", path, line)
     return matrix
 
 

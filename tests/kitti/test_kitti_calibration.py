@@ -29,6 +29,19 @@ def test_both_spellings_are_the_same(tmp_path):
     np.testing.assert_array_equal(new.p2, np.array(P.split(), float).reshape(3, 4))
 
 
+def test_both_files_of_the_raw_data_in_one(tmp_path):
+    """calib_cam_to_cam.txt and then calib_velo_to_cam.txt."""
+    camera = f"calib_time: 09-Jan-2012 13:57:47\nS_rect_02: 1242 375\nP_rect_02: {P}\n"
+    velo = "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 0 -0.27\ndelta_f: 0 0\n"
+    (tmp_path / "raw.txt").write_text(f"{camera}R_rect_00: {EYE}\n{velo}")
+    (tmp_path / "new.txt").write_text(NEW)
+    raw, new = read_calibration(tmp_path / "raw.txt"), read_calibration(tmp_path / "new.txt")
+    np.testing.assert_array_equal(raw.level_from_velo, new.level_from_velo)
+    (tmp_path / "raw.txt").write_text(f"{camera}R_rect_00: {EYE}\n{velo.replace('-0.27', '-270')}")
+    with pytest.raises(InputError, match=r"6: T: expected an offset of at most 50 metres"):
+        read_calibration(tmp_path / "raw.txt")
+
+
 def test_round_trip(tmp_path, calib):
     write_calibration(tmp_path / "c.txt", calib)
     again = read_calibration(tmp_path / "c.txt")
