@@ -11,6 +11,7 @@ from common.npy import parse_npy
 from kitti.scans.ply import parse_ply
 
 _COMPRESSION = 300  # at most, of LZF: three bytes encode 264
+_MAX_HEADER = 10_000  # bytes
 
 
 def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
@@ -35,20 +36,40 @@ def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
 def _parse_pcd(data: bytes) -> np.ndarray:
     from pypcd4 import Encoding, MetaData, PointCloud
 
-    header = []
-    for line in io.BytesIO(data[:10_000]):
-        header.append(line.decode("ascii").strip())
-        if header[-1].startswith("DATA"):
-            break
-    meta = MetaData.parse_header([line for line in header if line and not line.startswith("#")])
+    lines, body = _pcd_header(data)
+    meta = MetaData.parse_header(lines)
     each = 1 if meta.data == Encoding.ASCII else meta.build_dtype().itemsize
     packed = meta.data not in (Encoding.ASCII, Encoding.BINARY)
     if meta.points * each > len(data) * (_COMPRESSION if packed else 1):
         raise ValueError(f"{meta.points} points declared in {len(data)} bytes")
-    points = np.atleast_1d(PointCloud.from_fileobj(io.BytesIO(data)).pc_data)
+    if meta.data == Encoding.ASCII:
+        body = b"\n".join(b" ".join(line.split()) for line in body.splitlines())
+    whole = "\n".join([*lines, ""]).encode() + body
+    points = np.atleast_1d(PointCloud.from_fileobj(io.BytesIO(whole)).pc_data)
     if len(points) != meta.points:
         raise ValueError(f"{meta.points} points declared, {len(points)} found")
     return points
+
+
+def _pcd_header(data: bytes) -> tuple[list[str], bytes]:
+    """Header lines with the defaults of those that PCL can do without; the rest of the file."""
+    words, start = {}, 0
+    while "DATA" not in words:
+        end = data.find(b"\n", start, _MAX_HEADER)
+        if end < 0:
+            raise ValueError("no line DATA")
+        name, *values = data[start:end].decode("ascii", "replace").split() or ["#"]
+        words |= {} if name.startswith("#") else {name: values}
+        start = end + 1
+    missing = [name for name in ("FIELDS", "SIZE", "TYPE", "WIDTH") if name not in words]
+    if missing:
+        raise ValueError(f"no line {missing[0]}")
+    words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
+    words.setdefault("HEIGHT", ["1"])
+    words.setdefault("POINTS", [str(int(words["WIDTH"][0]) * int(words["HEIGHT"][0]))])
+    words["VERSION"] = ["0.7"]  # earlier ones differ in the header alone
+    words["DATA"] = words.pop("DATA")  # the last line
+    return [" ".join([name, *values]) for name, values in words.items()], data[start:]
 
 
 CLOUD_PARSERS: dict[str, Callable[[bytes], np.ndarray]] = {

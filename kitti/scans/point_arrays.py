@@ -9,7 +9,7 @@ from common.errors import InputError
 MAX_RANGE = 1000.0
 """Metres along an axis; points beyond it are measurement errors."""
 _INTENSITY = ("intensity", "i", "reflectance", "reflectivity", "scalar_intensity", "remission")
-_TRANSPOSED = 12  # columns; an array of 3 or 4 rows with more of them holds a point per column
+_TRANSPOSED = 12  # columns; an array of fewer rows than columns holds a point per column from here
 
 
 def as_points(array: Any) -> tuple[np.ndarray, int]:
@@ -40,7 +40,7 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
     shape, array = array.shape, np.asarray(array)
     if shape == (0,):
         array = array.reshape(0, 3)
-    if len(shape) in (2, 3) and shape[0] in (3, 4) and shape[-1] > _TRANSPOSED:
+    if len(shape) in (2, 3) and shape[0] < shape[-1] > _TRANSPOSED:
         expected = "(n, >=3) or (H, W, >=3)"
         raise InputError(f"expected points of shape {expected}, found {shape}: transpose it")
     if array.ndim == 3:

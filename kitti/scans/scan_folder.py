@@ -10,7 +10,7 @@ from common.notes import note
 from kitti.scans.scan_files import SUFFIXES
 
 MAX_FRAME_NUMBER = 10**6
-"""Larger numbers are times: they define the order alone, without missing frames."""
+"""Larger numbers are times, which define the order alone, unless some are consecutive."""
 MAX_SPAN = 100_000
 """Most frames from the first scan to the last."""
 _NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
@@ -26,8 +26,9 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
     """Frame number -> scan, ascending.
 
     Names are frame numbers of any width (000007, 7, 0000000007), with an optional text that is the
-    same in all names (scan_7, 0016_7); a missing number is a frame without a scan. Times (numbers
-    from 10^6 on, two numbers such as seconds.nanoseconds, or dates such as 2011-09-26_13-02-25) are
+    same in all names (scan_7, 0016_7); a missing number is a frame without a scan. From 10^6 on
+    consecutive numbers (1000007, 1000008) are counted from the first. Times (other numbers from
+    10^6 on, two numbers such as seconds.nanoseconds, or dates such as 2011-09-26_13-02-25) are
     sorted and numbered from 0. Hidden files are ignored.
 
     Raises:
@@ -85,11 +86,15 @@ def _numbered(paths: list[Path]) -> dict[int, Path]:
         if keys[before] == keys[after]:
             names = f"{paths[before].name} and {paths[after].name}"
             raise InputError(f"--scans: {names} have the same number", paths[after].parent)
-    largest = keys[order[-1]][0]
+    smallest, largest = keys[order[0]][0], keys[order[-1]][0]
+    span = largest - smallest + 1
+    counted = any(keys[after][0] - keys[before][0] == 1 for before, after in pairwise(order))
+    if separators == {None} and largest >= MAX_FRAME_NUMBER and counted and span <= MAX_SPAN:
+        note(f"{paths[0].parent}: frame 0 is {paths[order[0]].name}")
+        return {keys[i][0] - smallest: paths[i] for i in order}
     if separators != {None} or largest >= MAX_FRAME_NUMBER:
         _check_times(paths, matches)
         return {frame: paths[i] for frame, i in enumerate(order)}
-    span = largest - keys[order[0]][0] + 1
     if span > MAX_SPAN:
         ends = f"{paths[order[0]].name} to {paths[order[-1]].name}"
         raise InputError(

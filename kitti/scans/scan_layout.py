@@ -6,6 +6,7 @@ in which they are plausible.
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,16 +15,18 @@ import numpy as np
 from common.errors import InputError
 
 KITTI_COLUMNS = ("x", "y", "z", "i")
-_CANDIDATES = (
-    ("x", "y", "z"),
-    KITTI_COLUMNS,
-    ("i", "x", "y", "z"),
-    (*KITTI_COLUMNS, "ring"),
-    (*KITTI_COLUMNS, "t"),
+_CANDIDATES = (  # in order of preference: most columns first, since half of them may fit too
+    ("x", "y", "z", "_", "i", "_", "_", "_"),  # PCL's PointXYZI in memory
     (*KITTI_COLUMNS, "ring", "t"),
     (*KITTI_COLUMNS, "t", "ring"),
-    ("x", "y", "z", "_", "i", "_", "_", "_"),  # PCL's PointXYZI in memory
+    (*KITTI_COLUMNS, "ring"),
+    (*KITTI_COLUMNS, "t"),
+    KITTI_COLUMNS,
+    ("i", "x", "y", "z"),
+    ("x", "y", "z"),
 )
+# where none of these fits; anything may be in the last columns, so fewest first
+_UNKNOWN = tuple(("x", "y", "z", *"abcdefg"[:more]) for more in range(1, 8))
 _NAMES = {"<f4": "float32", "<f8": "float64", ">f4": ">f4", ">f8": ">f8", "<f2": "float16"}
 _MAGIC = {
     b"\x93NUMPY": ".npy file",
@@ -35,7 +38,7 @@ _MAGIC = {
     b"LASF": "LAS file",
     b"\x89HDF": "HDF5 file",
 }
-_SCALE = "; --scan_scale "
+_SCALE = "; track.py --scan_scale "
 _DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])")
 _MILLIMETRES = 4000.0  # the median range of a scan is between 4 and 40 metres
 _FAR = 500.0  # metres; no automotive scanner measures farther
@@ -160,21 +163,27 @@ def _implausible(numbers: np.ndarray) -> str:
 
 
 def _hint(data: bytes) -> str:
-    """Flags of the plausible layout with most columns, for the error message."""
+    """Flags of a plausible layout, for the error message."""
+    found = _plausible(data, _CANDIDATES) or _plausible(data, _UNKNOWN)
+    if not found:
+        return "; --scan_columns and --scan_dtype of track.py read other layouts"
+    *_, dtype, columns = min(found)
+    reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
+    return f"; it looks like {dtype} {columns}: {reads}"
+
+
+def _plausible(data: bytes, candidates: Iterable[tuple[str, ...]]) -> list[tuple]:
+    """The candidates in which the scan is plausible; the least tuple is the best."""
     found = []
-    for dtype in _NAMES:
-        for rank, columns in enumerate(_CANDIDATES):
+    for dtype, name in _NAMES.items():
+        for rank, columns in enumerate(candidates):
             if len(data) % (np.dtype(dtype).itemsize * len(columns)) == 0:
                 numbers = np.frombuffer(data, dtype).reshape(-1, len(columns))
                 with np.errstate(all="ignore"):
                     flatness = _flatness(numbers.astype(np.float64), columns)
                 if flatness < _FLAT:
-                    found.append((-len(columns), rank, flatness, dtype, ",".join(columns)))
-    if not found:
-        return "; --scan_columns and --scan_dtype read other layouts"
-    *_, dtype, columns = min(found)
-    dtype = _NAMES[dtype]
-    return f"; it looks like {dtype} {columns}: --scan_columns {columns} --scan_dtype {dtype}"
+                    found.append((rank, flatness, name, ",".join(columns)))
+    return found
 
 
 def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:

@@ -21,7 +21,14 @@ def test_masked_points_are_dropped():
 
 
 @pytest.mark.parametrize(
-    "array", [POINTS.T, POINTS[:20].T, POINTS[:, :3].T, np.moveaxis(POINTS.reshape(6, 10, 4), 2, 0)]
+    "array",
+    [
+        POINTS.T,
+        POINTS[:20].T,
+        POINTS[:, :3].T,
+        np.moveaxis(POINTS.reshape(6, 10, 4), 2, 0),
+        np.pad(POINTS, ((0, 0), (0, 3))).T,  # 7 channels
+    ],
 )
 def test_coordinates_along_the_first_axis_are_refused(array):
     if array.shape[-1] <= 12:

@@ -50,13 +50,16 @@ def pcl() -> np.ndarray:
         (np.column_stack([cloud(), times()]).astype("f4"), "x,y,z,i,t", "float32"),
         (np.column_stack([cloud(), ring(), times()]).astype("f4"), "x,y,z,i,ring,t", "float32"),
         (np.column_stack([cloud(), times(), ring()]).astype("f4"), "x,y,z,i,t,ring", "float32"),
+        (np.column_stack([cloud(), cloud()[:, :3]]).astype("f4"), "x,y,z,a,b,c,d", "float32"),
+        (np.column_stack([cloud()[:, :3], times() + 1.5e9]).astype("f8"), "x,y,z,a", "float64"),
     ],
 )
 def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype):
     for count in (1200, 1197):
         path = tmp_path / "0.bin"
         path.write_bytes(numbers[:count].tobytes())
-        hint = f"it looks like {dtype} {columns}: --scan_columns {columns} --scan_dtype {dtype}"
+        reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
+        hint = f"it looks like {dtype} {columns}: {reads}"
         with pytest.raises(InputError, match=re.escape(hint)):
             read_points(path)
         points, dropped = read_points(path, ScanLayout(tuple(columns.split(",")), dtype))
@@ -73,10 +76,14 @@ def test_kittis_layout_is_read_with_any_intensity(tmp_path):
 
 def test_millimetres_are_named_and_then_read(tmp_path):
     write_scan(tmp_path / "0.bin", cloud() * np.float32([1000, 1000, 1000, 1]))
-    with pytest.raises(InputError, match=r"a median range of .*; --scan_scale 0\.001 reads mill"):
+    with pytest.raises(
+        InputError, match=r"a median range of .*; track.py --scan_scale 0\.001 reads mill"
+    ):
         read_points(tmp_path / "0.bin")
     write_scan(tmp_path / "1.bin", cloud() * np.float32([100, 100, 100, 1]))
-    with pytest.raises(InputError, match=r"a median range of .*; --scan_scale 0\.01 reads centi"):
+    with pytest.raises(
+        InputError, match=r"a median range of .*; track.py --scan_scale 0\.01 reads centi"
+    ):
         read_points(tmp_path / "1.bin")
     points, _ = read_points(tmp_path / "0.bin", ScanLayout(scale=0.001))
     np.testing.assert_allclose(points, cloud(), rtol=1e-6)
@@ -148,6 +155,35 @@ def test_formats(tmp_path, kind):
     )
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        (b"COUNT 1 1 1 1\n", b""),
+        (b"HEIGHT 1\n", b""),
+        (b"POINTS 1200\n", b""),
+        (b"VERSION 0.7\n", b"VERSION 0.5\n"),
+        (b"VERSION", b"# caf\xc3\xa9\r\n\nVERSION"),
+    ],
+)
+def test_pcd_with_other_headers(tmp_path, change):
+    """Lines that PCL can do without, older versions, comments in any encoding."""
+    for kind in KINDS[-3:]:
+        _write(tmp_path / "0.pcd", kind)
+        data = (tmp_path / "0.pcd").read_bytes()
+        assert data.count(change[0])
+        (tmp_path / "0.pcd").write_bytes(data.replace(*change, 1))
+        points, _ = read_points(tmp_path / "0.pcd")
+        np.testing.assert_allclose(points, cloud(), rtol=1e-5, atol=1e-5)
+
+
+def test_pcd_with_other_white_space(tmp_path):
+    _write(tmp_path / "0.pcd", "pcd, ascii")
+    head, word, body = (tmp_path / "0.pcd").read_bytes().partition(b"ascii\n")
+    body = body.replace(b" ", b" \t").replace(b"\n", b" \r\n")
+    (tmp_path / "0.pcd").write_bytes(head + word + body)
+    np.testing.assert_allclose(read_points(tmp_path / "0.pcd")[0], cloud(), rtol=1e-5, atol=1e-5)
+
+
 def test_ply_of_other_number_types_and_elements(tmp_path):
     wide = np.zeros(2, [("x", ">f8"), ("y", ">f8"), ("z", ">f8"), ("intensity", "u1")])
     wide["x"], wide["y"], wide["z"], wide["intensity"] = (1, 2), (3, 4), (5, 6), (7, 8)
@@ -199,6 +235,8 @@ def test_damage_is_one_line(tmp_path, kind):
             "expected 2 lines of 1 numbers",
         ),
         ("0.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nend_header\n", "declared"),
+        ("0.pcd", b"1 2 3\n4 5 6\n", "not a whole .pcd file: no line DATA"),
+        ("0.pcd", b"VERSION .7\nFIELDS x y z\nDATA ascii\n", "no line SIZE"),
         (
             "0.pcd",
             b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2000000000\n"

@@ -22,6 +22,7 @@ def frames(folder, names):
         (["velo64_8.npy", "velo64_9.npy", "velo64_11.npy"], [8, 9, 11]),
         (["scan-1_top.ply", "scan-10_top.ply"], [1, 10]),
         (["999999999.bin", "1000000001.bin"], [0, 1]),  # seconds: no gap
+        (["1000001.bin", "1000002.bin", "1000005.bin"], [0, 1, 4]),  # Waymo in KITTI's layout
         (["1317617735.9.bin", "1317617735.25.bin"], [1, 0]),
         (["99_900000000.bin", "100_5.bin"], [0, 1]),
         (["5.BIN", "10.BIN"], [5, 10]),
@@ -59,6 +60,11 @@ def test_order_is_by_number(tmp_path, names, numbers):
 def test_names_without_an_order_are_refused(tmp_path, names, message):
     with pytest.raises(InputError, match=message):
         frames(tmp_path, names)
+
+
+def test_the_first_of_large_frame_numbers_is_noted(tmp_path, capsys):
+    frames(tmp_path, ["1000004.bin", "1000005.bin"])
+    assert f"note: {tmp_path}: frame 0 is 1000004.bin" in capsys.readouterr().err
 
 
 def test_times_are_noted(tmp_path, capsys):
