@@ -158,14 +158,16 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
     weights = write_weights(tmp_path / "weights")
     for t in range(3):
         write_scan(tmp_path / "drive" / f"{t:06d}.bin", scan(t))
+    write_scan(tmp_path / "drive" / "000003.bin", scan(3) * [-1, 1, 1, 1])  # behind the camera
     write_calibration(tmp_path / "calib.txt", standard_mounting())
     argv = ["--scans", tmp_path / "drive", "--weights", weights, "--calib", tmp_path / "calib.txt"]
     argv += ["--out", tmp_path / "out", "--format", "kitti,csv,jsonl", "--animation_frames", 2]
     assert flags.run(track.main, [str(a) for a in argv]) == 0
     printed, remarks = capsys.readouterr()
     assert "camera: 1242 x 375 pixels (KITTI's camera)" in printed
-    assert "the first 2 of 3 frames; --animation_frames 0: all" in remarks
-    results = read_results(tmp_path / "out" / "drive.txt", 3)
+    assert "the first 2 of 4 frames; --animation_frames 0: all" in remarks
+    assert "1 scans have no point in the camera's view, first 000003.bin" in remarks
+    results = read_results(tmp_path / "out" / "drive.txt", 4)
     rows = [json.loads(line) for line in (tmp_path / "out" / "drive.jsonl").open()]
     table = list(csv.DictReader((tmp_path / "out" / "drive.csv").open()))
     assert [int(row["id"]) for row in table] == [row["id"] for row in rows]
