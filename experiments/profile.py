@@ -117,12 +117,12 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     from models.detector import detector_inputs
     from models.inference import StreamingNetwork
 
-    network = StreamingNetwork(*networks)
     detector, tracker, _ = networks
+    n = detector.config.num_points
+    network = StreamingNetwork(*networks, max_points=n)
     scans = [sequence.read_points_level(t) for t in (0, 1)]
     xyz = tf.constant(network.sample(scans[1], 1))
     rng = np.random.default_rng(0)
-    n = detector.config.num_points
     found = {
         "read the scan": Timed(median_seconds(lambda: read_scan(paths[1]), repeats)),
         "crop and sample": Timed(

@@ -165,7 +165,7 @@ def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
     times = {}
     with Progress(len(PAPER), "N, N'", "setting") as bar:
         for n, kept in PAPER:
-            network = StreamingNetwork(*resized(networks, n, kept))
+            network = StreamingNetwork(*resized(networks, n, kept), max_points=n)
             tracker, stream, frame = make_tracker("pointtracknet"), NetworkStream(network), count()
             stream.detect(scans[0], next(frame))
 

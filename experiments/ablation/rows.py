@@ -253,7 +253,8 @@ def evaluate_row(
     detector = load_detector(args.weights / "detector.npz")
     scorer = load_scorer(args.weights, network_hash(detector))
     tracker = load_tracker(checkpoint, detector)
-    network = StreamingNetwork(detector, tracker, scorer, min_score=0.0)
+    count = detector.config.num_points  # as the stored pairs
+    network = StreamingNetwork(detector, tracker, scorer, min_score=0.0, max_points=count)
     figures = []
     for distance in DISTANCES:
         settings = EvaluateConfig(

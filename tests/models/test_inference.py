@@ -38,6 +38,19 @@ def test_sampling_depends_on_seed_and_frame_alone(network):
     assert not np.array_equal(network.sample(scan, 3), network.sample(scan, 4))
 
 
+def test_all_points_of_a_scan_enter_up_to_four_thirds_of_n(network):
+    n = SMALL_DETECTOR.num_points
+    most = n * 4 // 3
+    counts = {
+        count: network.sample(cloud(1, count)[0], 0).shape[1] for count in (n - 9, n + 9, 2 * n)
+    }
+    assert counts == {n - 9: n, n + 9: n + 9, 2 * n: most}
+    scan = cloud(1, n + 9)[0]
+    assert len(np.unique(network.sample(scan, 0)[0], axis=0)) == len(np.unique(scan, axis=0))
+    state = network.detect(scan, 0)
+    assert state.sampled.shape == (n + 9, 3) and state.probability.shape == (n + 9,)
+
+
 def test_an_empty_frame(network):
     empty = network.detect(np.zeros((0, 3)), 0)
     assert empty.detections.boxes.shape == (0, 7)

@@ -44,7 +44,7 @@ def test_a_scorer_is_fitted_stored_and_used(folder, monkeypatch, capsys):
     assert (out / "reliability.png").read_bytes()[:4] == b"\x89PNG"
     assert set(record["figures"]) == {"real", "exam"}
     found = record["figures"]["real"]
-    assert found["frames"] == 6 and found["boxes"] >= found["right"]
+    assert found["frames"] == 2 * 6 and found["boxes"] >= found["right"]
     assert sum(row[0] for row in found["reliability"]) == found["boxes"]
     assert 0 <= found["IoU 0.5"]["after"]["all"] <= 1
     scorer = load_networks(folder / "weights")[2]

@@ -62,7 +62,7 @@ def domains() -> list[Domain]:
     """Two domains of three drives, two frames each."""
     drives = [[f"{kind}/{d}" for d in range(3)] for kind in ("real", "simulated")]
     seeds = iter(range(100))
-    return [Domain([frame(d, next(seeds)) for d in each for _ in range(2)], []) for each in drives]
+    return [Domain([frame(d, next(seeds)) for d in each for _ in range(2)]) for each in drives]
 
 
 def test_boxes_in_dontcare_regions_are_left_out_unless_right():
@@ -76,7 +76,7 @@ def test_boxes_in_dontcare_regions_are_left_out_unless_right():
 def test_a_drive_is_scored_by_a_regression_that_did_not_see_it():
     """Labels of one drive turned round change the scores of all drives but its own."""
     both = domains()
-    changed = [Domain(list(d.frames), []) for d in both]
+    changed = [Domain(list(d.frames)) for d in both]
     for i in (0, 1):
         old = changed[0].frames[i]
         values = {**old.features, "signal": -old.features["signal"]}
@@ -105,7 +105,7 @@ def test_the_penalty_of_least_loss_is_chosen():
 
 
 def test_a_single_drive_cannot_be_validated():
-    alone = [Domain([frame("a", 0), frame("a", 1)], [])]
+    alone = [Domain([frame("a", 0), frame("a", 1)])]
     with pytest.raises(InputError, match="two or more drives"):
         ScoreFit(alone, Penalty(0.01, None)).cross_validated(3)
 
@@ -114,4 +114,4 @@ def test_no_boxes_at_all():
     none = frame("a", 0)
     none = Candidates(**{**vars(none), "features": {}})
     with pytest.raises(InputError, match="proposes boxes"):
-        ScoreFit([Domain([none], [])], Penalty(0.01, None))
+        ScoreFit([Domain([none])], Penalty(0.01, None))

@@ -39,12 +39,10 @@ class Domain:
     """Candidates of one kind of scans, real or simulated.
 
     Attributes:
-        frames: of view 0, on which is validated.
-        augmented: of the other views of the same frames, for fitting alone.
+        frames: of every view; a frame counts once for each.
     """
 
     frames: list[Candidates]
-    augmented: list[Candidates]
 
     def drives(self) -> list[str]:
         """Names, sorted."""
@@ -85,7 +83,7 @@ class ScoreFit:
 
     def __init__(self, domains: Sequence[Domain], penalty: Penalty):
         self.domains, self.names = domains, feature_names(domains, penalty)
-        self._samples = [samples(d.frames + d.augmented, self.names) for d in domains]
+        self._samples = [samples(d.frames, self.names) for d in domains]
         factor = [penalty.fc1 if name.startswith(FC1) else penalty.plain for name in self.names]
         self._penalty = np.array(factor, float)
 
