@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
+from common.notes import note
 from evaluation.detections import NetworkStream
 from kitti.calibration import Calibration, standard_mounting
 from kitti.camera_view import image_size_of, in_camera_view
@@ -53,6 +54,7 @@ class Tracker:
         self.calib = standard_mounting() if calib is None else calib
         self.image_size = image_size_of(self.calib, image_size)
         self.dropped = 0  # points of the last scan, see `update`
+        self.unseen = 0  # scans so far that have points, but none in the camera's view
         self._stream = NetworkStream(network)
         self._tracker = make_tracker("pointtracknet", **parameters)
         self.frame = 0
@@ -118,6 +120,17 @@ class Tracker:
                 and the next one is tracked as the successor of the last valid one.
         """
         points, self.dropped = as_points(points)
-        detections = self._stream.detect(self.points_level(points), self.frame)
+        level = self.points_level(points)
+        if len(points) and not len(level):
+            self._count_unseen(len(points))
+        detections = self._stream.detect(level, self.frame)
         self.frame += 1
         return track_frame(self._tracker, detections)
+
+    def _count_unseen(self, points: int) -> None:
+        """Notes the first scan of which nothing can be found."""
+        self.unseen += 1
+        if self.unseen == 1:
+            where = f"none of its {points} points lies in the camera's view"
+            expected = "expected x ahead, y left, z up in metres"
+            note(f"scan {self.frame} of the tracker, from 0: {where}: {expected}")

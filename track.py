@@ -87,8 +87,6 @@ class Scans:
     def __init__(self, folder: str | Path, layout: ScanLayout = KITTI_LAYOUT):
         self.files, self.layout = find_scans(folder), layout
         self.dropped: dict[int, int] = {}
-        self.unseen: list[int] = []
-        """Frames whose scans have no point in the camera's view."""
 
     @property
     def frames(self) -> range:
@@ -119,13 +117,10 @@ class Scans:
                 yield self.points(pairs[i][0]), self.points(pairs[i][1])
 
     def remarks(self) -> Iterator[str]:
-        """Notes on frames without a scan or without a point in view, and on dropped points."""
+        """Notes on frames without a scan and on dropped points."""
         missing = len(self.frames) - len(self)
         if missing:
             yield f"{missing} of {len(self.frames)} frames have no scan (gaps in the numbers)"
-        if self.unseen:
-            name = self.files[self.unseen[0]].name
-            yield f"{len(self.unseen)} scans have no point in the camera's view, first {name}"
         dropped = sum(self.dropped.values())
         if dropped:
             yield (
@@ -240,8 +235,6 @@ def main(argv: Sequence[str] | None = None) -> None:
 
         def each_frame(frame: int) -> None:
             seen.put(frame - scans.frames[0], tracker.seen)
-            if frame in scans.files and not len(tracker.seen):
-                scans.unseen.append(frame)
             bar.update()
 
         results = track_scans(tracker, scans, each_frame)

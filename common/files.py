@@ -58,12 +58,13 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     full, no permission) names `path`.
     The temporary file has the suffix of `path`, which some writers depend on.
     """
-    path = Path(path)
+    path, temporary = Path(path), None
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    temporary = Path(name)
     try:
+        begin = f".{path.stem[:40]}-"  # a file name has at most 255 bytes
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=begin, suffix=path.suffix)
+        os.close(handle)
+        temporary = Path(name)
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
@@ -72,11 +73,13 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         temporary.replace(path)
     except OSError as error:
-        if error.errno is not None and error.filename in (None, str(temporary)):
+        begun = temporary is None or error.filename in (None, str(temporary))
+        if error.errno is not None and begun:
             raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

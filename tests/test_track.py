@@ -69,6 +69,17 @@ def test_a_frame_without_points_is_survived():
     assert counts == [1, 0, 1]
 
 
+def test_the_first_scan_out_of_view_is_noted(capsys):
+    tracker = Tracker(ScriptedNetwork())
+    for points in (scan(), scan()[:0], scan()[:, [2, 0, 1, 3]], -scan(), scan()):
+        tracker.update(points)
+    assert tracker.unseen == 2
+    noted = "note: scan 2 of the tracker, from 0: none of its 400 points lies in the camera's view"
+    assert [line.partition(": expected")[0] for line in capsys.readouterr().err.splitlines()] == [
+        noted
+    ]
+
+
 @pytest.mark.parametrize(
     "size", [(0, 0), (-5, 3), (10**9, 375), (1242.0, 375), (1242,), "1242x375"]
 )
@@ -166,7 +177,7 @@ def test_command_line_writes_results_and_pictures(tmp_path, capsys):
     printed, remarks = capsys.readouterr()
     assert "camera: 1242 x 375 pixels (KITTI's camera)" in printed
     assert "the first 2 of 4 frames; --animation_frames 0: all" in remarks
-    assert "1 scans have no point in the camera's view, first 000003.bin" in remarks
+    assert "scan 3 of the tracker, from 0: none of its 400 points lies in the" in remarks
     results = read_results(tmp_path / "out" / "drive.txt", 4)
     rows = [json.loads(line) for line in (tmp_path / "out" / "drive.jsonl").open()]
     table = list(csv.DictReader((tmp_path / "out" / "drive.csv").open()))

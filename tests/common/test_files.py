@@ -74,6 +74,17 @@ def test_only_regular_files_of_bounded_size_are_read(tmp_path):
         read_bytes("nul\0byte")
 
 
+def test_a_folder_without_new_files_names_the_file():
+    with pytest.raises(OSError, match="x") as error:
+        write_text("/proc/x.txt", "")
+    assert error.value.filename == "/proc/x.txt"
+
+
+def test_a_name_may_have_the_length_of_the_file_system(tmp_path):
+    write_text(tmp_path / ("a" * 255), "b")
+    assert (tmp_path / ("a" * 255)).read_text() == "b"
+
+
 def test_a_full_disk_names_the_file(tmp_path):
     with pytest.raises(OSError, match="No space left") as error, atomic_path(tmp_path / "a.txt"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
