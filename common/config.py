@@ -26,12 +26,21 @@ def parse_json(text: str | bytes, path: str | Path | None = None) -> Any:
     """The value of a JSON text.
 
     Raises:
-        InputError: not JSON, nested too deeply, or a number of thousands of digits.
+        InputError: not JSON, nested too deeply, a number of thousands of digits, or an object with
+            a key twice.
     """
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=_object)
     except (ValueError, RecursionError) as error:
         raise InputError(f"expected JSON: {error}", path) from error
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+        raise ValueError(f"the key {_short(twice)} is there twice")
+    return made
 
 
 def to_dict(config: Any) -> dict[str, Any]:

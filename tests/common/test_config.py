@@ -55,7 +55,9 @@ def test_invalid_values_are_named(values, message):
         from_dict(_Config, values, "config.json")
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "{", "1" * 5000, "nul", b"\xff"])
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "{", "1" * 5000, "nul", b"\xff", '{"a": 1, "a": 2}']
+)
 def test_json_that_cannot_be_read_is_one_line(text):
     with pytest.raises(InputError, match=r"^c\.json: expected JSON: ") as error:
         parse_json(text, "c.json")
