@@ -98,7 +98,7 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
         return Clusters(*nothing, none, none.astype(bool), none, thinned)
     tensor = tf.constant(boxes)
     iou = box_iou_3d(tensor, tensor).numpy()
-    overlap = np.where(iou >= config.vote_iou, iou, 0.0)
+    overlap = iou * (iou >= config.vote_iou)
     quality = np.float32(1) if thinned.quality is None else thinned.quality
     support = np.einsum("ij,j->i", overlap, thinned.probability * quality)
     kept, owner = _suppress(iou, support, config)
@@ -137,8 +137,9 @@ def _thin(proposals: Proposals, config: DecodingConfig) -> Proposals:
     rows = rows[np.argsort(-proposals.probability[rows], kind="stable")]
     cells = np.floor(proposals.boxes[rows, :2] / config.cell).astype(np.int64)
     rank = _rank_in_group(cells[:, 0] * 1_000_003 + cells[:, 1])
-    order = np.argsort(rank, kind="stable")  # every cell's most probable first
-    rows = rows[order[rank[order] < config.proposals_per_cell]][: config.max_proposals]
+    few = np.flatnonzero(rank < config.proposals_per_cell)
+    order = few[np.argsort(rank[few], kind="stable")]  # every cell's most probable first
+    rows = rows[order[: config.max_proposals]]
     return Proposals(*(None if x is None else x[rows] for x in proposals))
 
 

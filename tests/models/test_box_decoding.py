@@ -111,8 +111,21 @@ def proposals_at_random(count=300, objects=12, quality=False, seed=0):
     return Proposals(*(x.astype("f4") for x in values), likely)
 
 
+def thin_one_by_one(proposals, config):
+    """Reference: rows that stay, the most probable of each cell first, then the second ones..."""
+    cells, ranked = {}, []
+    for row in sorted(range(len(proposals.boxes)), key=lambda row: -proposals.probability[row]):
+        if np.isfinite(proposals.boxes[row]).all():
+            cell = tuple(np.floor(proposals.boxes[row, :2] / config.cell))
+            cells[cell] = cells.get(cell, -1) + 1
+            ranked.append((cells[cell], row))
+    ranked.sort(key=lambda item: item[0])
+    rows = [row for rank, row in ranked if rank < config.proposals_per_cell]
+    return rows[: config.max_proposals]
+
+
 def clusters_one_by_one(proposals, config):
-    """Reference: boxes and agreements of the clusters, taken one after the other."""
+    """Reference: boxes, agreements, members and votes of the clusters, one after the other."""
     boxes = proposals.boxes
     iou = box_iou_3d(boxes, boxes).numpy()
     overlap = np.where(iou >= config.vote_iou, iou, 0.0) * proposals.probability
@@ -120,16 +133,28 @@ def clusters_one_by_one(proposals, config):
     support, alive, found = votes.sum(-1), np.ones(len(boxes), bool), []
     while alive.any() and len(found) < config.max_boxes:
         best = int(np.argmax(np.where(alive, support, -1.0)))
-        weights, members = votes[best] * alive, alive & (iou[best] > config.nms_iou)
+        members = alive & (iou[best] > config.nms_iou)
+        members[best] = True
+        weights = votes[best] * members
+        weights[best] = max(weights[best], 1e-6)
         share = weights / weights.sum()
         turn = np.cos(boxes[:, 6] - boxes[best, 6])
         forward = share[turn >= 0].sum() >= 0.5
         yaw = boxes[:, 6] + np.where((turn >= 0) == forward, 0.0, np.pi)
         yaw = np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw))
         agreement = overlap[best][members].sum() / (np.count_nonzero(members) + config.score_prior)
-        found.append([*(share @ boxes[:, :6]), yaw, agreement])
+        found.append(([*(share @ boxes[:, :6]), yaw], agreement, members, weights))
         alive &= ~members
-    return np.array(found)
+    return [np.array(part) for part in zip(*found, strict=True)]
+
+
+def expect_same_clusters(found, expected):
+    """found, of `cluster`, has the members of the reference, and its values up to rounding."""
+    boxes, agreement, members, votes = expected
+    np.testing.assert_array_equal(found.members, members)
+    np.testing.assert_allclose(found.votes, votes, rtol=1e-5)
+    np.testing.assert_allclose(found.boxes, boxes, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found.agreement, agreement, rtol=1e-4)
 
 
 @pytest.mark.parametrize("quality", [False, True])
@@ -138,9 +163,39 @@ def test_clusters_equal_those_found_one_by_one(quality, max_boxes):
     config = DecodingConfig(max_boxes=max_boxes)
     proposals = proposals_at_random(quality=quality)
     expected = clusters_one_by_one(_thin(proposals, config), config)
+    expect_same_clusters(cluster(proposals, config), expected)
+
+
+def hostile_proposals(case):
+    """Proposals that leave the decoding little to decide by."""
+    proposals = proposals_at_random(1500, objects=40, quality=True)
+    boxes = proposals.boxes.copy()
+    if case == "one":
+        return Proposals(*(x[:1] for x in proposals))
+    if case == "all identical":
+        boxes[:] = boxes[0]
+    if case == "one cell":
+        boxes[:, :2] = boxes[0, :2] // 0.5 * 0.5 + 0.1
+    if case == "without size":
+        boxes[::2, 3:6] = 0
+    if case == "not finite":
+        boxes[::3, 6] = np.nan
+    return proposals._replace(boxes=boxes)
+
+
+@pytest.mark.parametrize(
+    "case", ["one", "all identical", "one cell", "without size", "not finite", "too many"]
+)
+def test_hostile_proposals(case):
+    """The rows that stay and their clusters equal those of the reference."""
+    config, proposals = DecodingConfig(), hostile_proposals(case)
+    rows = thin_one_by_one(proposals, config)
+    assert len(rows) == {"one": 1, "all identical": 40, "one cell": 40}.get(case, 600)
+    thinned = Proposals(*(x[rows] for x in proposals))
     found = cluster(proposals, config)
-    np.testing.assert_allclose(found.boxes, expected[:, :7], rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(found.agreement, expected[:, 7], rtol=1e-4)
+    for one, other in zip(found.proposals, thinned, strict=True):
+        np.testing.assert_array_equal(one, other)
+    expect_same_clusters(found, clusters_one_by_one(thinned, config))
 
 
 def suppress_one_by_one(iou, support, config):

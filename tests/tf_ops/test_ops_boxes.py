@@ -102,6 +102,16 @@ def test_slivers_and_copies():
     np.testing.assert_allclose(box_iou_3d(boxes[::4], boxes[2::4]), expected, atol=2e-6)
 
 
+def test_nearly_parallel_edges():
+    """Turned from a parallel position by 1 down to the least float; with edges in common."""
+    still = np.float32([[3, -2, 0, 4, 2, 1, 0], [4, -2, 0, 4, 2, 1, 0], [3, -2, 0, 2, 4, 1, 0]])
+    angles = 10.0 ** -np.arange(46)
+    turned = np.tile(still[0], (4 * len(angles), 1))
+    turned[:, 6] = np.concatenate([angles, -angles, angles + np.pi / 2, np.pi - angles])
+    expected = reference_iou(still, turned)
+    np.testing.assert_allclose(box_iou_3d(still, turned), expected, atol=2e-6)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_not_finite(bad):
     boxes, broken = random_boxes(3), random_boxes(3)

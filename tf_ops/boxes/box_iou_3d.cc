@@ -1,6 +1,6 @@
 #include "boxes/box_iou_3d.h"
 
-#include "core/op_util.h"
+#include "boxes/check_boxes.h"
 
 namespace ptn {
 namespace {
@@ -37,25 +37,6 @@ iou: (M, K) or (B, M, K); 0 where both boxes are empty. Of a tensor with itself 
 int64_t batch_of(const tf::Tensor& t) { return t.dims() == 3 ? t.dim_size(0) : 1; }
 int64_t rows_of(const tf::Tensor& t) { return t.dim_size(t.dims() - 2); }
 
-// (M, 7) or (B, M, 7), finite, sizes not negative.
-absl::Status check_boxes(const tf::Tensor& boxes, const char* name) {
-  const int rank = boxes.dims();
-  if (rank < 2 || rank > 3 || boxes.dim_size(rank - 1) != kBoxSize) {
-    return invalid(name, " must have shape (M, 7) or (B, M, 7), received ",
-                   boxes.shape().DebugString());
-  }
-  TF_RETURN_IF_ERROR(check_finite(boxes, name));
-  const float* values = boxes.flat<float>().data();
-  for (int64_t i = 0; i < boxes.NumElements(); i += kBoxSize) {
-    for (int64_t size = i + 3; size < i + 6; ++size) {
-      if (values[size] < 0) {
-        return invalid(name, ": box ", i / kBoxSize, " has the negative size ", values[size]);
-      }
-    }
-  }
-  return absl::OkStatus();
-}
-
 class BoxIou3dOp : public tf::OpKernel {
  public:
   using OpKernel::OpKernel;
@@ -76,6 +57,7 @@ class BoxIou3dOp : public tf::OpKernel {
     if (iou->NumElements() == 0) return;
     const int64_t batch = batch_of(boxes1);
     float* values = iou->flat<float>().data();
+    std::fill_n(values, iou->NumElements(), 0.0F);
     const auto first = read_boxes(boxes1.flat<float>().data(), batch * rows);
     if (boxes1.data() == boxes2.data() && rows == columns) {
       mutual_ious(first.data(), batch, rows, values, threads_of(context));

@@ -14,20 +14,19 @@ namespace ptn {
 constexpr int kBoxSize = 7;
 
 struct RotatedBox {
-  double x, y, z, length, width, height, cosine, sine, reach;
+  double x, y, bottom, top, length, width, cosine, sine, reach, volume;  // length, width: halves
 
   explicit RotatedBox(const float* b)
       : x(b[0]),
         y(b[1]),
-        z(b[2]),
-        length(b[3]),
-        width(b[4]),
-        height(b[5]),
+        bottom(b[2] - 0.5 * b[5]),
+        top(b[2] + 0.5 * b[5]),
+        length(0.5 * b[3]),
+        width(0.5 * b[4]),
         cosine(std::cos(static_cast<double>(b[6]))),
         sine(std::sin(static_cast<double>(b[6]))),
-        reach(0.5 * std::hypot(length, width)) {}
-
-  double volume() const { return length * width * height; }
+        reach(std::hypot(length, width)),
+        volume(4 * length * width * b[5]) {}
 };
 
 inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
@@ -37,107 +36,127 @@ inline std::vector<RotatedBox> read_boxes(const float* boxes, int64_t count) {
   return result;
 }
 
-// A rectangle that is cut by four lines. Without rounding a cut adds one corner at most; with it a
-// sliver's corners may alternate between the sides of a line, so there is room for the worst: every
-// other one of n corners replaced by two, n + n / 2, four times from 4 on.
-struct Polygon {
-  static constexpr int kRoom = 19;
-  double x[kRoom], y[kRoom];
-  int size = 0;
+// These, unlike std::min and std::max, leave loops that the compiler vectorises.
+inline double lesser(double a, double b) { return a < b ? a : b; }
+inline double greater(double a, double b) { return a > b ? a : b; }
+inline double within(double value, double limit) { return lesser(greater(value, -limit), limit); }
 
-  void add(double px, double py) {
-    x[size] = px;
-    y[size++] = py;
-  }
+// The height of the overlap, not positive without one.
+inline double shared_height(const RotatedBox& p, const RotatedBox& q) {
+  return lesser(p.top, q.top) - greater(p.bottom, q.bottom);
+}
 
-  // The part where a x + b y <= limit (Sutherland and Hodgman, 1974).
-  Polygon cut(double a, double b, double limit) const {
-    Polygon result;
-    for (int i = 0; i < size; ++i) {
-      const int j = i + 1 < size ? i + 1 : 0;
-      const double here = limit - (a * x[i] + b * y[i]), next = limit - (a * x[j] + b * y[j]);
-      if (here >= 0) result.add(x[i], y[i]);
-      if ((here > 0 && next < 0) || (here < 0 && next > 0)) {
-        const double t = here / (here - next);
-        result.add(x[i] + t * (x[j] - x[i]), y[i] + t * (y[j] - y[i]));
-      }
-    }
-    return result;
-  }
+// False if the boxes cannot overlap: by their heights, or by the circles around their footprints.
+inline bool near(const RotatedBox& p, const RotatedBox& q) {
+  const double dx = p.x - q.x, dy = p.y - q.y, reach = p.reach + q.reach;
+  return dx * dx + dy * dy <= reach * reach && shared_height(p, q) > 0;
+}
 
-  double area() const {
-    double twice = 0;
-    for (int i = 1; i + 1 < size; ++i) {
-      twice += (x[i] - x[0]) * (y[i + 1] - y[0]) - (x[i + 1] - x[0]) * (y[i] - y[0]);
-    }
-    return 0.5 * twice;
-  }
+struct Corner {
+  double x, y;
 };
 
-// Area of the overlap of two footprints.
+// Twice the integral of y over x along the straight edge from a to b, for the part where
+// |x| <= length and with y limited to |y| <= width. `slope` is that of the edge.
+inline double twice_below(Corner a, Corner b, double slope, double inverse_slope, double length,
+                          double width) {
+  const double first = within(a.x, length), last = within(b.x, length);
+  const double from = a.y + slope * (first - a.x), to = b.y + slope * (last - b.x);
+  const double low = within(from, width), high = within(to, width);
+  // The trapezium below the limited ends, and what the edge beyond the limit adds or takes.
+  const double beyond = ((to - high) - (low - from)) * inverse_slope;
+  return (last - first) * (low + high) + beyond * (high - low);
+}
+
+// a / b; where b is 0 to rounding, any number that is not too large will do.
+inline double slope_of(double a, double b) { return a / (std::abs(b) < 1e-15 ? 1e-15 : b); }
+
+// Area of the overlap of two footprints: in the frame of q, where q is |x| <= length, |y| <= width,
+// the integral of p's upper edges less that of its lower edges, all limited to q. There are no
+// branches and no corners to be kept, so it is exact to rounding for edges in common, too.
 inline double shared_area(const RotatedBox& p, const RotatedBox& q) {
-  const double dx = p.x - q.x, dy = p.y - q.y, reach = p.reach + q.reach;
-  if (dx * dx + dy * dy > reach * reach) return 0;
-  // Corners of p in the frame of q, counter-clockwise; there q is |x| <= l / 2, |y| <= w / 2.
+  const double dx = p.x - q.x, dy = p.y - q.y;
   const double cx = q.cosine * dx + q.sine * dy, cy = q.cosine * dy - q.sine * dx;
   const double cosine = p.cosine * q.cosine + p.sine * q.sine;
   const double sine = p.sine * q.cosine - p.cosine * q.sine;
-  const double lx = 0.5 * p.length * cosine, ly = 0.5 * p.length * sine;
-  const double wx = -0.5 * p.width * sine, wy = 0.5 * p.width * cosine;
-  Polygon polygon;
-  polygon.add(cx + lx + wx, cy + ly + wy);
-  polygon.add(cx - lx + wx, cy - ly + wy);
-  polygon.add(cx - lx - wx, cy - ly - wy);
-  polygon.add(cx + lx - wx, cy + ly - wy);
-  const double half_length = 0.5 * q.length, half_width = 0.5 * q.width;
-  polygon = polygon.cut(1, 0, half_length).cut(-1, 0, half_length);
-  return std::max(0.0, polygon.cut(0, 1, half_width).cut(0, -1, half_width).area());
+  const double lx = p.length * cosine, ly = p.length * sine;
+  const double wx = -p.width * sine, wy = p.width * cosine;
+  // Counter-clockwise from the front left.
+  const Corner a{cx + lx + wx, cy + ly + wy}, b{cx - lx + wx, cy - ly + wy};
+  const Corner c{cx - lx - wx, cy - ly - wy}, d{cx + lx - wx, cy + ly - wy};
+  const double along = slope_of(sine, cosine), across = -slope_of(cosine, sine);
+  const double twice = twice_below(a, b, along, -across, q.length, q.width) +
+                       twice_below(b, c, across, -along, q.length, q.width) +
+                       twice_below(c, d, along, -across, q.length, q.width) +
+                       twice_below(d, a, across, -along, q.length, q.width);
+  return greater(-0.5 * twice, 0);
 }
 
-// Shared part over the union, 0 where the union is empty.
-inline double over_union(double shared, double first, double second) {
-  const double whole = first + second - shared;
-  return whole > 0 ? std::min(1.0, shared / whole) : 0;
-}
-
+// 0 where both boxes are empty. The boxes are near.
 inline double iou_3d(const RotatedBox& p, const RotatedBox& q) {
-  const double top = std::min(p.z + 0.5 * p.height, q.z + 0.5 * q.height);
-  const double bottom = std::max(p.z - 0.5 * p.height, q.z - 0.5 * q.height);
-  if (top <= bottom) return 0;
-  return over_union(shared_area(p, q) * (top - bottom), p.volume(), q.volume());
+  const double smaller = lesser(p.volume, q.volume);
+  const double shared = lesser(shared_area(p, q) * shared_height(p, q), smaller);
+  return shared / greater(p.volume + q.volume - shared, 1e-300);
 }
 
-// iou (batch, rows, columns) of boxes (batch, rows) with others (batch, columns).
+// The IoU of one box with others: first those that are near are chosen, then all of them are
+// computed in a loop without branches.
+class Row {
+ public:
+  // Calls store(i, iou) for each of others that may overlap the box.
+  template <class Store>
+  void find(const RotatedBox& box, const RotatedBox* others, int64_t count, Store&& store) {
+    chosen_.clear();
+    for (int64_t i = 0; i < count; ++i) {
+      if (near(box, others[i])) chosen_.push_back(i);
+    }
+    iou_.resize(chosen_.size());
+    const RotatedBox mine = box;
+    const int64_t* chosen = chosen_.data();
+    float* iou = iou_.data();
+    const auto size = static_cast<int64_t>(chosen_.size());
+    for (int64_t k = 0; k < size; ++k) {
+      iou[k] = static_cast<float>(iou_3d(mine, others[chosen[k]]));
+    }
+    for (int64_t k = 0; k < size; ++k) store(chosen[k], iou[k]);
+  }
+
+ private:
+  std::vector<int64_t> chosen_;
+  std::vector<float> iou_;
+};
+
+// iou (batch, rows, columns), 0 on entry, of boxes (batch, rows) with others (batch, columns).
 inline void all_ious(const RotatedBox* boxes, const RotatedBox* others, int64_t batch, int64_t rows,
                      int64_t columns, float* iou, const Parallel& parallel) {
-  parallel.run(batch * rows, 20 * columns, [=](int64_t begin, int64_t end) {
+  parallel.run(batch * rows, 8 * columns, [=](int64_t begin, int64_t end) {
+    Row near;
     for (int64_t row = begin; row < end; ++row) {
-      const RotatedBox* scene = others + row / rows * columns;
-      for (int64_t i = 0; i < columns; ++i) {
-        iou[row * columns + i] = static_cast<float>(iou_3d(boxes[row], scene[i]));
-      }
+      const auto store = [=](int64_t i, float value) { iou[row * columns + i] = value; };
+      near.find(boxes[row], others + row / rows * columns, columns, store);
     }
   });
 }
 
-// iou (batch, count, count) of boxes (batch, count) with themselves; each pair is computed once.
+// iou (batch, count, count), 0 on entry, of boxes (batch, count) with themselves; each pair is
+// computed once.
 inline void mutual_ious(const RotatedBox* boxes, int64_t batch, int64_t count, float* iou,
                         const Parallel& parallel) {
-  const auto row_of = [=](int64_t b, int64_t row) {
-    const RotatedBox* scene = boxes + b * count;
-    float* matrix = iou + b * count * count;
-    for (int64_t i = row; i < count; ++i) {
-      const float value = static_cast<float>(iou_3d(scene[row], scene[i]));
-      matrix[row * count + i] = matrix[i * count + row] = value;
-    }
+  const auto row_of = [=](int64_t b, int64_t row, Row* near) {
+    const RotatedBox* box = boxes + b * count + row;
+    float* corner = iou + (b * count + row) * count + row;  // of the rest of the matrix
+    near->find(*box, box, count - row, [=](int64_t i, float value) {
+      corner[i] = corner[i * count] = value;
+    });
   };
   // A row from the top together with one from the bottom: all parts take as long.
   const int64_t half = (count + 1) / 2;
-  parallel.run(batch * half, 20 * count, [=](int64_t begin, int64_t end) {
+  parallel.run(batch * half, 8 * count, [=](int64_t begin, int64_t end) {
+    Row near;
     for (int64_t part = begin; part < end; ++part) {
       const int64_t b = part / half, top = part % half, bottom = count - 1 - top;
-      row_of(b, top);
-      if (bottom != top) row_of(b, bottom);
+      row_of(b, top, &near);
+      if (bottom != top) row_of(b, bottom, &near);
     }
   });
 }

@@ -1,5 +1,6 @@
 // Overlap of rotated boxes.
 
+#include <algorithm>
 #include <cmath>
 
 #include "boxes/box_iou_3d.h"
@@ -30,11 +31,14 @@ void overlaps(const std::vector<ptn::RotatedBox>& all) {
   ptn::all_ious(all.data(), all.data(), kScenes, kBoxes, kBoxes, iou.data(), real_threads(3));
   ptn::mutual_ious(all.data(), kScenes, kBoxes, mutual.data(), real_threads(3));
   for (int64_t i = 0; i < kScenes * kBoxes; ++i) {
+    const ptn::RotatedBox* scene = all.data() + i / kBoxes * kBoxes;
     const float* row = iou.data() + i * kBoxes;
     for (int64_t j = 0; j < kBoxes; ++j) {
       const float mirrored = iou[(i / kBoxes * kBoxes + j) * kBoxes + i % kBoxes];
       expect(row[j] >= 0 && row[j] <= 1 && std::abs(row[j] - mirrored) < 1e-5F, "boxes", "iou", j);
       expect(std::abs(row[j] - mutual[i * kBoxes + j]) < 1e-5F, "boxes", "mutual iou", j);
+      const double alone = std::max(0.0, ptn::iou_3d(all[i], scene[j]));  // near or not
+      expect(std::abs(row[j] - alone) < 1e-6, "boxes", "iou of two boxes", j);
     }
   }
 }
