@@ -4,7 +4,7 @@ Letters: B batch, N points, M queries or sampled points, K neighbours, C channel
 int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz.
 """
 
-from tf_ops.boxes import box_iou_3d
+from tf_ops.boxes import box_iou_3d, suppress_boxes
 from tf_ops.grouping import group_difference, group_point, knn_point, query_ball_point
 from tf_ops.interpolation import three_interpolate, three_nn
 from tf_ops.loading import LibraryError, load_library
@@ -20,6 +20,7 @@ __all__ = [
     "knn_point",
     "load_library",
     "query_ball_point",
+    "suppress_boxes",
     "three_interpolate",
     "three_nn",
 ]

@@ -11,7 +11,7 @@ import tensorflow as tf
 from models.boxes.box_coding import decode_boxes
 from models.config import BoxCodingConfig, DecodingConfig
 from models.probability_filter import foreground_probability
-from tf_ops import box_iou_3d
+from tf_ops import suppress_boxes
 
 
 class Detections(NamedTuple):
@@ -96,14 +96,17 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
         none = np.zeros((0, 0), np.float32)
         nothing = (boxes, thinned.probability, thinned.classes)
         return Clusters(*nothing, none, none.astype(bool), none, thinned)
-    tensor = tf.constant(boxes)
-    iou = box_iou_3d(tensor, tensor).numpy()
-    overlap = iou * (iou >= config.vote_iou)
     quality = np.float32(1) if thinned.quality is None else thinned.quality
-    support = np.einsum("ij,j->i", overlap, thinned.probability * quality)
-    kept, owner = _suppress(iou, support, config)
+    suppressed = suppress_boxes(
+        boxes,
+        thinned.probability * quality,
+        vote_iou=config.vote_iou,
+        nms_iou=config.nms_iou,
+        max_boxes=config.max_boxes,
+    )
+    kept, owner, iou = (x.numpy() for x in suppressed)
     members = owner == np.arange(len(kept))[:, None]
-    overlap = overlap[kept] * thinned.probability * members
+    overlap = np.where(iou >= config.vote_iou, iou, 0.0) * thinned.probability * members
     votes = overlap * quality
     own = np.arange(len(kept)), kept
     votes[own] = np.maximum(votes[own], 1e-6)
@@ -113,7 +116,7 @@ def cluster(proposals: Proposals, config: DecodingConfig) -> Clusters:
         _vote(boxes, share, kept),
         agreement.astype(np.float32),
         share @ thinned.classes,
-        iou[kept],
+        iou,
         members,
         votes,
         thinned,
@@ -150,22 +153,6 @@ def _rank_in_group(keys: np.ndarray) -> np.ndarray:
     rank = np.empty(len(keys), np.int64)
     rank[order] = np.arange(len(keys)) - first
     return rank
-
-
-def _suppress(iou: np.ndarray, support: np.ndarray, config: DecodingConfig):
-    """Rows (K,) of the kept proposals, most supported first, and the cluster of each proposal.
-
-    iou (P, P), support (P,) -> (K,) int64, (P,) int64; -1 for a proposal without a cluster.
-    """
-    owner, kept = np.full(len(support), -1), []
-    free = np.argsort(-support, kind="stable")
-    while len(free) and len(kept) < config.max_boxes:
-        taken = iou[free[0], free] > config.nms_iou
-        taken[0] = True
-        owner[free[taken]] = len(kept)
-        kept.append(free[0])
-        free = free[~taken]
-    return np.array(kept, np.int64), owner
 
 
 def _vote(boxes: np.ndarray, share: np.ndarray, kept: np.ndarray) -> np.ndarray:

@@ -9,7 +9,6 @@ from models.boxes.box_coding import encode_boxes
 from models.boxes.box_decoding import (
     Proposals,
     _rank_in_group,
-    _suppress,
     _thin,
     _vote,
     cluster,
@@ -196,31 +195,6 @@ def test_hostile_proposals(case):
     for one, other in zip(found.proposals, thinned, strict=True):
         np.testing.assert_array_equal(one, other)
     expect_same_clusters(found, clusters_one_by_one(thinned, config))
-
-
-def suppress_one_by_one(iou, support, config):
-    """Reference: every proposal is looked at in turn."""
-    owner, kept = np.full(len(support), -1), []
-    for best in np.argsort(-support, kind="stable"):
-        if owner[best] < 0 and len(kept) < config.max_boxes:
-            owner[(owner < 0) & (iou[best] > config.nms_iou)] = len(kept)
-            owner[best] = len(kept)
-            kept.append(best)
-    return kept, owner
-
-
-@pytest.mark.parametrize("max_boxes", [1, 5, 64])
-def test_suppression_equals_that_of_one_proposal_after_another(max_boxes):
-    """Also for equal supports, and for an empty box, which does not even overlap itself."""
-    config, boxes = DecodingConfig(max_boxes=max_boxes), proposals_at_random().boxes.copy()
-    boxes[7, 3:6] = 0
-    iou = box_iou_3d(boxes, boxes).numpy()
-    support = np.random.default_rng(0).integers(0, 9, len(boxes)).astype(np.float32)
-    kept, owner = _suppress(iou, support, config)
-    expected = suppress_one_by_one(iou, support, config)
-    np.testing.assert_array_equal(kept, expected[0])
-    np.testing.assert_array_equal(owner, expected[1])
-    assert max_boxes < 64 or (owner[7] >= 0 and np.count_nonzero(owner == owner[7]) == 1)
 
 
 def test_every_proposal_votes_in_one_cluster_at_most():

@@ -1,11 +1,11 @@
-"""box_iou_3d against shapely and hand-made cases."""
+"""box_iou_3d against shapely and hand-made cases, suppress_boxes against plain loops."""
 
 import numpy as np
 import pytest
 import shapely
 import tensorflow as tf
 
-from tf_ops import box_iou_3d
+from tf_ops import box_iou_3d, suppress_boxes
 
 InvalidArgument = tf.errors.InvalidArgumentError
 
@@ -112,6 +112,61 @@ def test_nearly_parallel_edges():
     np.testing.assert_allclose(box_iou_3d(still, turned), expected, atol=2e-6)
 
 
+def suppress_one_by_one(boxes, weight, vote_iou, nms_iou, max_boxes):
+    """Reference: every box is looked at in turn."""
+    tensor = tf.constant(boxes)
+    iou = box_iou_3d(tensor, tensor).numpy()
+    votes = np.where(iou >= np.float32(vote_iou), iou, 0.0).astype(np.float64) * weight
+    support = np.cumsum(votes, -1)[:, -1]  # one after the other, as the op adds them
+    owner, kept = np.full(len(boxes), -1), []
+    for best in np.argsort(-support, kind="stable"):
+        if owner[best] < 0 and len(kept) < max_boxes:
+            owner[(owner < 0) & (iou[best] > np.float32(nms_iou))] = len(kept)
+            owner[best] = len(kept)
+            kept.append(best)
+    return kept, owner, iou[kept]
+
+
+@pytest.mark.parametrize("max_boxes", [1, 5, 300])
+@pytest.mark.parametrize("vote_iou", [0.0, 0.4])
+def test_suppression_equals_that_of_one_box_after_another(vote_iou, max_boxes):
+    """Also for equal supports, and for empty boxes, which do not even overlap themselves."""
+    boxes = random_boxes(200, spread=30.0)
+    boxes[50:120] = boxes[:70]
+    boxes[120:190] = boxes[0]
+    boxes[7::20, 3:6] = 0
+    weight = np.random.default_rng(0).integers(0, 3, len(boxes)).astype(np.float32)
+    weight[50:120] = weight[:70]
+    limits = {"vote_iou": vote_iou, "nms_iou": 0.02, "max_boxes": max_boxes}
+    kept, owner, iou = suppress_boxes(boxes, weight, **limits)
+    expected = suppress_one_by_one(boxes, weight, **limits)
+    np.testing.assert_array_equal(kept, expected[0])
+    np.testing.assert_array_equal(owner, expected[1])
+    np.testing.assert_allclose(iou, expected[2], atol=1e-6)
+    assert max_boxes < 300 or np.count_nonzero(owner.numpy() == owner.numpy()[7]) == 1
+
+
+def test_suppression_of_nothing():
+    none = np.zeros((0, 7), np.float32)
+    kept, owner, iou = suppress_boxes(none, none[:, 0], vote_iou=0.4, nms_iou=0.02, max_boxes=3)
+    assert (kept.shape, owner.shape, iou.shape) == ((0,), (0,), (0, 0))
+
+
+def test_suppression_in_a_graph():
+    """The shape function, with an unknown number of boxes."""
+    shapes = []
+
+    @tf.function(input_signature=[tf.TensorSpec([None, 7]), tf.TensorSpec([None])])
+    def run(boxes, weight):
+        found = suppress_boxes(boxes, weight, vote_iou=0.4, nms_iou=0.02, max_boxes=3)
+        shapes.extend(x.shape.as_list() for x in found)
+        return found
+
+    kept, owner, iou = run(random_boxes(9, spread=30.0), np.ones(9, np.float32))
+    assert shapes == [[None], [None], [None, None]]
+    assert (len(kept), owner.shape, iou.shape) == (3, (9,), (3, 9))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_not_finite(bad):
     boxes, broken = random_boxes(3), random_boxes(3)
@@ -131,3 +186,15 @@ def test_other_errors():
         box_iou_3d(negative, boxes)
     with pytest.raises(InvalidArgument, match=r"\(M, 7\) or \(B, M, 7\), received \[3,6\]"):
         box_iou_3d(boxes, boxes[:, :6])
+
+
+def test_suppression_errors():
+    boxes, ones, negative = random_boxes(3), np.ones(3, np.float32), random_boxes(3)
+    limits = {"vote_iou": 0.4, "nms_iou": 0.02, "max_boxes": 3}
+    negative[1, 3] = -1
+    with pytest.raises(InvalidArgument, match=r"received \[3,7\] and \[2\]"):
+        suppress_boxes(boxes, ones[:2], **limits)
+    with pytest.raises(InvalidArgument, match="boxes: box 1 has the negative size -1"):
+        suppress_boxes(negative, ones, **limits)
+    with pytest.raises(InvalidArgument, match=r"weight\[0\] is -?nan"):
+        suppress_boxes(boxes, ones * np.nan, **limits)

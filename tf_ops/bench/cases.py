@@ -120,6 +120,19 @@ def box_case() -> Case:
     )
 
 
+def suppression_case() -> Case:
+    boxes, limits = scans.boxes(600, 0), {"vote_iou": 0.4, "nms_iou": 0.02}
+    weight = np.random.default_rng(0).uniform(0.4, 1, len(boxes)).astype(np.float32)
+    first, second = tf.constant(boxes), tf.constant(weight)
+    return Case(
+        "suppress_boxes, 600",
+        1,
+        lambda: tf_ops.suppress_boxes(first, second, max_boxes=600, **limits),
+        {"shapely": partial(peers.suppress_shapely, boxes, weight, **limits)},
+        0.05,
+    )
+
+
 def feature_cases(kitti_root: Path) -> Iterator[Case]:
     """group_point and its gradient, with the indices of a ball query."""
     xyz = tf.constant(turned(scans.scan(kitti_root, 15000)[0], 8))
@@ -157,5 +170,6 @@ def all_cases(kitti_root: Path) -> list[Case]:
         *cloud_cases(kitti_root, 8),
         large_case(8),
         box_case(),
+        suppression_case(),
         *feature_cases(kitti_root),
     ]

@@ -82,3 +82,15 @@ def iou_shapely(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     bottom = np.maximum.outer(a[:, 2] - a[:, 5] / 2, b[:, 2] - b[:, 5] / 2)
     shared = area * np.maximum(top - bottom, 0)
     return shared / (np.add.outer(a[:, 3:6].prod(1), b[:, 3:6].prod(1)) - shared)
+
+
+def suppress_shapely(
+    boxes: np.ndarray, weight: np.ndarray, vote_iou: float, nms_iou: float
+) -> list[int]:
+    """Rows of the boxes that are kept by suppression, most supported first."""
+    iou, kept = iou_shapely(boxes, boxes), []
+    free = np.argsort(-(np.where(iou >= vote_iou, iou, 0) @ weight))
+    while len(free):
+        kept.append(int(free[0]))
+        free = free[iou[free[0], free] <= nms_iou]
+    return kept

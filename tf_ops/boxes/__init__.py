@@ -1,4 +1,4 @@
-"""Overlap of upright boxes (x, y, z, l, w, h, yaw). Not differentiable.
+"""Overlap and suppression of upright boxes (x, y, z, l, w, h, yaw). Not differentiable.
 
 Boxes are in the level frame: the geometric centre in metres, yaw in radians counter-clockwise
 about +z. Overlaps are computed in float64.
@@ -9,7 +9,8 @@ import tensorflow as tf
 from tf_ops.devices import on_cpu
 from tf_ops.loading import load_library
 
-tf.no_gradient("PointTrackNet>BoxIou3d")
+for _name in ("BoxIou3d", "SuppressBoxes"):
+    tf.no_gradient(f"PointTrackNet>{_name}")
 
 
 @on_cpu
@@ -28,3 +29,32 @@ def box_iou_3d(boxes1: tf.Tensor, boxes2: tf.Tensor) -> tf.Tensor:
         InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
     """
     return load_library().point_track_net_box_iou3d(boxes1=boxes1, boxes2=boxes2)
+
+
+@on_cpu
+def suppress_boxes(
+    boxes: tf.Tensor, weight: tf.Tensor, *, vote_iou: float, nms_iou: float, max_boxes: int
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """Greedy non-maximum suppression by support, in one thread, without the IoU of every pair.
+
+    The support of a box is the sum of IoU * weight over the boxes that it overlaps by `vote_iou`,
+    itself included; sums are float64.
+
+    Args:
+        boxes: (P, 7) float32.
+        weight: (P,) float32.
+        vote_iou: least IoU of a box that supports another.
+        nms_iou: a kept box takes those left that it overlaps by more.
+        max_boxes: the most boxes that are kept, >= 1.
+
+    Returns:
+        kept: (K,) int32 rows of the kept boxes, most supported first, ties to the lower row.
+        owner: (P,) int32, the place in `kept` of the box that takes each; -1 for none.
+        iou: (K, P) float32, of the kept boxes with all.
+
+    Raises:
+        InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
+    """
+    return load_library().point_track_net_suppress_boxes(
+        boxes=boxes, weight=weight, vote_iou=vote_iou, nms_iou=nms_iou, max_boxes=max_boxes
+    )

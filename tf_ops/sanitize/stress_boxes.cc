@@ -1,9 +1,9 @@
-// Overlap of rotated boxes.
+// Overlap and suppression of rotated boxes.
 
 #include <algorithm>
 #include <cmath>
 
-#include "boxes/box_iou_3d.h"
+#include "boxes/suppress_boxes.h"
 #include "sanitize/stress.h"
 
 namespace stress {
@@ -43,12 +43,30 @@ void overlaps(const std::vector<ptn::RotatedBox>& all) {
   }
 }
 
+// Whether each box is kept, or taken by the first kept one that overlaps it enough.
+void suppression(const std::vector<ptn::RotatedBox>& all) {
+  constexpr float kLimit = 0.1F;
+  const std::vector<float> weight(all.size(), 0.5F);
+  const auto support = ptn::supports(all, weight.data(), 0.3F);
+  const ptn::Suppressed found = ptn::suppress(all, support, kLimit, 20);
+  expect(found.kept.size() == 20 && found.iou.size() == 20 * all.size(), "boxes", "kept", 20);
+  for (size_t i = 0; i < all.size(); ++i) {
+    int32_t first = 0;
+    while (first < 20 && found.kept[first] != static_cast<int32_t>(i) &&
+           found.iou[first * all.size() + i] <= kLimit) {
+      ++first;
+    }
+    expect(found.owner[i] == (first < 20 ? first : -1), "boxes", "owner", first);
+  }
+}
+
 }  // namespace
 
 void boxes(uint32_t seed) {
   std::mt19937 random(seed);
   const auto all = crowded(&random);
   overlaps(all);
+  suppression(all);
 }
 
 }  // namespace stress
