@@ -78,8 +78,9 @@ class Tracker:
             InputError: weights are missing, broken or do not belong together; the threshold is no
                 finite number, or the image size none.
         """
-        if score_threshold is not None and not math.isfinite(score_threshold):
-            raise InputError(f"score_threshold: expected a finite number, found {score_threshold}")
+        if score_threshold is not None and not -math.inf < score_threshold <= 1:
+            found = f"found {score_threshold}"
+            raise InputError(f"score_threshold: expected a finite number, at most 1, {found}")
         folder = default_weights() if weights is None else weights
         network = StreamingNetwork(*load_networks(folder), min_score=score_threshold)
         return cls(network, calib, image_size, **parameters)

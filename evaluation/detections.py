@@ -145,10 +145,12 @@ class BoxesAtLeast:
 
     def __init__(self, provider: DetectionProvider, min_score: float):
         self.provider, self.min_score = provider, min_score
+        self.largest = -np.inf  # score so far
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
         for found in self.provider.frames(scene):
+            self.largest = max(self.largest, found.scores.max(initial=-np.inf))
             yield found.at_least(self.min_score)
 
 
@@ -189,6 +191,12 @@ def note_other_classes(folder: str | Path, rows: Objects, classes: Sequence[str]
     if len(rows) and not len(rows.of_classes(classes)):
         found = ", ".join(sorted(set(rows.type.tolist())))
         note(f"{folder}: no box is of --classes {','.join(classes)}, all are {found}")
+
+
+def note_low_scores(largest: float, least: float) -> None:
+    """Notes a threshold above the greatest score, `largest`: every box or track is left out."""
+    if -np.inf < largest < least:
+        note(f"--score_threshold {least:g}: all scores are lower, the greatest is {largest:g}")
 
 
 def check_folder(folder: str | Path) -> None:

@@ -24,6 +24,7 @@ from evaluation.detections import (
     LabelBoxes,
     NetworkDetections,
     check_folder,
+    note_low_scores,
     note_other_classes,
 )
 from evaluation.scene import Scene
@@ -115,12 +116,15 @@ def run_tracker(
     if least is not None:
         provider = BoxesAtLeast(provider, least)
     with Progress(sum(len(scene.frames) for scene in scenes), config.tracker, "frames") as bar:
-        return {
+        tracked = {
             scene.name: track_scene(
                 scene, provider, make_tracker(config.tracker), config.classes, bar.update
             )
             for scene in scenes
         }
+    if least is not None:
+        note_low_scores(provider.largest, least)
+    return tracked
 
 
 def _results(
@@ -168,7 +172,9 @@ def _above_threshold(
     if unscored and config.score_threshold != BEST:
         found = f"sequence {unscored[0]} has none"
         raise InputError(f"--score_threshold: expected scores in the results, {found}")
-    return {n: rows[track_scores(rows) >= threshold] for n, rows in results.items()}, threshold
+    scores = {name: track_scores(rows) for name, rows in results.items()}
+    note_low_scores(np.concatenate([*scores.values()]).max(initial=-np.inf), threshold)
+    return {n: rows[scores[n] >= threshold] for n, rows in results.items()}, threshold
 
 
 def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) -> dict[str, Objects]:

@@ -88,9 +88,10 @@ def test_a_bad_image_size_is_refused(size):
         Tracker(ScriptedNetwork(), image_size=size)
 
 
-def test_a_score_threshold_that_is_no_number_is_refused():
-    with pytest.raises(InputError, match="score_threshold: expected a finite number, found nan"):
-        Tracker.load("nowhere", score_threshold=float("nan"))
+@pytest.mark.parametrize("threshold", [float("nan"), float("-inf"), 50.0])
+def test_a_score_threshold_that_no_box_can_reach_is_refused(threshold):
+    with pytest.raises(InputError, match=r"score_threshold: expected a finite number, at most 1"):
+        Tracker.load("nowhere", score_threshold=threshold)
 
 
 @pytest.mark.parametrize(

@@ -145,6 +145,18 @@ def test_boxes_that_can_match_nothing_are_noted(root, tmp_path, capsys):
     assert "1 of 1 boxes are 2-D alone and match nothing in clear3d" in capsys.readouterr().err
 
 
+def test_a_threshold_above_all_scores_is_noted(root, tmp_path, capsys):
+    """Such as one in per cent; the detections have score 5."""
+    argv = ("--detections", root / "detections", "--tracker", "sort")
+    run(root, tmp_path / "a", *argv, "--score_threshold", "5")
+    assert "note" not in capsys.readouterr().err
+    again = ("--results", tmp_path / "a" / "tracks", "--score_threshold", "6")
+    for given in ((*argv, "--score_threshold", "50"), again):
+        run(root, tmp_path / "b", *given)
+        expected = f"--score_threshold {given[-1]}: all scores are lower, the greatest is 5\n"
+        assert expected in capsys.readouterr().err
+
+
 def test_detections_that_go_on_after_the_labels(root, tmp_path, fails):
     (root / "training" / f"{SEQMAP}.training").unlink()
     path = root / "detections" / "0000.txt"
