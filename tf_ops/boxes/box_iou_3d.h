@@ -145,9 +145,8 @@ inline void mutual_ious(const RotatedBox* boxes, int64_t batch, int64_t count, f
   const auto row_of = [=](int64_t b, int64_t row, Row* near) {
     const RotatedBox* box = boxes + b * count + row;
     float* corner = iou + (b * count + row) * count + row;  // of the rest of the matrix
-    near->find(*box, box, count - row, [=](int64_t i, float value) {
-      corner[i] = corner[i * count] = value;
-    });
+    near->find(*box, box, count - row,
+               [=](int64_t i, float value) { corner[i] = corner[i * count] = value; });
   };
   // A row from the top together with one from the bottom: all parts take as long.
   const int64_t half = (count + 1) / 2;
