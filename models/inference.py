@@ -60,7 +60,7 @@ def most_points(detector: Detector) -> int:
     """The most points of a scan that inference takes.
 
     Training takes N = 15000 (section IV.B), a choice in each epoch. All points of a scan raise the
-    recall at IoU 0.5 and precision 0.9 on real drives by 0.04, docs/DEVIATIONS.md.
+    recall at IoU 0.5 and precision 0.9 on real drives by 0.07, docs/DEVIATIONS.md.
     """
     return int(ALL_POINTS * detector.config.num_points)
 
