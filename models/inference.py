@@ -19,7 +19,7 @@ from models.boxes.box_decoding import (
 )
 from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
-from models.config import DecodingConfig
+from models.config import DecodingConfig, DetectorConfig
 from models.detector import Detector, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
@@ -56,21 +56,18 @@ def frame_proposals(
     return proposals, foreground_probability(boxes.mask_logits)
 
 
-def most_points(detector: Detector) -> int:
-    """The most points of a scan that inference takes.
+def sample_scan(
+    points: np.ndarray, config: DetectorConfig, max_points: int | None, rng: np.random.Generator
+) -> np.ndarray:
+    """(n, >=3) points -> (1, count, 3) float32 of them in random order, for inference.
 
-    Training takes N = 15000 (section IV.B), a choice in each epoch. All points of a scan raise the
-    recall at IoU 0.5 and precision 0.9 on real drives by 0.07, docs/DEVIATIONS.md.
+    All of them, a choice of `max_points` (None: `ALL_POINTS` N), or repeats up to N. Training takes
+    N = 15000 (section IV.B), a choice in each epoch. All points of a scan raise the recall at IoU
+    0.5 and precision 0.9 on real drives by 0.07, docs/DEVIATIONS.md. In random order, as in
+    training: a ball query takes the first points it finds.
     """
-    return int(ALL_POINTS * detector.config.num_points)
-
-
-def sample_scan(points: np.ndarray, least: int, most: int, rng: np.random.Generator) -> np.ndarray:
-    """(n, >=3) points -> (1, count, 3) float32 of them in random order, least <= count <= most.
-
-    All of them where that is possible, a choice of `most`, or repeats up to `least`. In random
-    order, as in training: a ball query takes the first points it finds.
-    """
+    least = config.num_points
+    most = max_points or int(ALL_POINTS * least)
     rows = sample_points(points, max(least, min(len(points), most)), rng)
     return np.ascontiguousarray(points[rows, :3], np.float32)[None]
 
@@ -114,7 +111,7 @@ class StreamingNetwork:
         self.decoding = decoding or DecodingConfig()
         default = self.decoding.min_score if scorer is None else scorer.min_score
         self.min_score = default if min_score is None else min_score
-        self.seed, self.max_points = seed, max_points or most_points(detector)
+        self.seed, self.max_points = seed, max_points
         fold_batch_norm(detector)
         fold_batch_norm(tracker)
         points = tf.TensorSpec([1, None, 3], tf.float32)
@@ -137,7 +134,7 @@ class StreamingNetwork:
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
         """(n, >=3) points -> (1, count, 3) chosen by seed and t, see `sample_scan`."""
         rng = np.random.default_rng([self.seed, t])
-        return sample_scan(points, self.detector.config.num_points, self.max_points, rng)
+        return sample_scan(points, self.detector.config, self.max_points, rng)
 
     def detect(self, points: np.ndarray, t: int = 0) -> FrameState:
         """The detector's pass over one scan.

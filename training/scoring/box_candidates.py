@@ -20,7 +20,7 @@ from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
 from models.config import DecodingConfig
 from models.detector import Detector, detector_inputs
-from models.inference import frame_proposals, most_points, sample_scan
+from models.inference import frame_proposals, sample_scan
 from tracking.assignment import greedy
 from training.sampling.augmentation import SceneTransform
 from training.sampling.frames import frame_list
@@ -77,8 +77,7 @@ class CandidateFinder:
     """
 
     def __init__(self, detector: Detector, decoding: DecodingConfig, max_points: int | None = None):
-        self.detector, self.decoding = detector, decoding
-        self.max_points = max_points or most_points(detector)
+        self.detector, self.decoding, self.max_points = detector, decoding, max_points
         points = tf.TensorSpec([1, None, 3], tf.float32)
         self._propose = tf.function(self._graph, input_signature=[points], jit_compile=False)
 
@@ -96,7 +95,7 @@ class CandidateFinder:
         if view % 2:
             points, truth = MIRRORED.points(points), MIRRORED.boxes(truth)
         rng = np.random.default_rng([view, t])
-        xyz = sample_scan(points, self.detector.config.num_points, self.max_points, rng)
+        xyz = sample_scan(points, self.detector.config, self.max_points, rng)
         proposals, likely = self._propose(xyz)
         clusters, likely = cluster(proposals, self.decoding), likely.numpy()
         boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
