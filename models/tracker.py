@@ -1,5 +1,6 @@
 """The tracker graph (Table I, TRA): features of two frames -> association displacement."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import keras
@@ -8,7 +9,7 @@ import tensorflow as tf
 from common.errors import InputError
 from models.association_head import AssociationHead
 from models.boxes.box_coding import head_channels
-from models.config import DetectorConfig, TrackerConfig
+from models.config import FUSED_FEATURES, DetectorConfig, TrackerConfig
 from models.detector import DetectorInputs, DetectorOutputs
 from models.feature_propagation import interpolation_indices
 from models.local_pointnet import Points
@@ -92,6 +93,11 @@ class FusedFeatures:
             abstraction = three_interpolate(abstraction, indices.neighbors, indices.weights)
         features = tf.concat([abstraction, outputs.upconv[self.level - 1]], -1)
         return TrackerInputs(rows, xyz, features)
+
+
+def all_fused_features(config: TrackerConfig) -> dict[str, FusedFeatures]:
+    """Every row of Table IV by name, with the N' of a tracker."""
+    return {name: FusedFeatures(replace(config, fused_features=name)) for name in FUSED_FEATURES}
 
 
 class TrackingNetwork(keras.Model):

@@ -4,7 +4,6 @@ Scans, augmentation and the detector's pass do not depend on the tracker. A pair
 each row of Table IV, because each uses other points and features; features are kept as float16.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from common.files import write_arrays
 from common.progress import Progress
 from models.config import FUSED_FEATURES
 from models.detector import Detector
-from models.tracker import FusedFeatures, TrackerInputs
+from models.tracker import TrackerInputs, all_fused_features
 from training.config import TrackerTrainingConfig
 from training.sampling.pipeline import Order, dataset, micro_batches
 from training.tracker_task import KeptBatch, TrackerTask, both_frames, keep
@@ -42,8 +41,7 @@ def store_pairs(task: TrackerTask, order: Order, count: int, folder: Path) -> No
     batches = dataset(
         task.samples, task.prepare, lambda: micro_batches(order, first, steps, 0, 1, 1), size
     )
-    rows = [replace(tracker, fused_features=name) for name in FUSED_FEATURES]
-    choices = {row.fused_features: FusedFeatures(row) for row in rows}
+    choices = all_fused_features(tracker)
 
     @tf.function(jit_compile=False)
     def pass_detector(batch):

@@ -1,7 +1,6 @@
 """Outputs of the frozen detector for evaluated frames, stored on disk for several trackers."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from models.boxes.box_decoding import Detections
 from models.config import FUSED_FEATURES
 from models.detector import detector_inputs
 from models.inference import FrameState, StreamingNetwork, frame_proposals
-from models.tracker import FusedFeatures
+from models.tracker import all_fused_features
 from tracking import FrameDetections
 
 
@@ -49,8 +48,7 @@ def _detector_pass(
     network: StreamingNetwork,
 ) -> Callable[[np.ndarray | None, int], dict[str, Arrays]]:
     """A function of points and frame number: the arrays of each row of Table IV."""
-    detector, config = network.detector, network.tracker.config
-    rows = {n: FusedFeatures(replace(config, fused_features=n)) for n in FUSED_FEATURES}
+    detector, rows = network.detector, all_fused_features(network.tracker.config)
 
     @tf.function(jit_compile=False, autograph=False)
     def run(xyz):
