@@ -15,8 +15,11 @@ VAL = tuple(range(16, 21))
 TEST = tuple(range(29))
 """The benchmark's 29 testing sequences 0000-0028, without labels."""
 SEQMAP = "evaluate_tracking.seqmap"
-_ENDINGS = {"training": (".training", ""), "testing": (".testing", ".test", "")}
-
+_ENDINGS = {
+    "training": (".training", "", ".txt", ".trainval", ".val", ".train", ".training_minus_val"),
+    "testing": (".testing", ".test", "", ".txt"),
+}
+"""By subset, the most general first; those of splits are TrackEval's and AB3DMOT's."""
 
 _PART = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?", re.ASCII)
 
@@ -46,14 +49,17 @@ def parse_sequences(text: str) -> list[int]:
     return found
 
 
-def find_seqmap(data_root: str | Path, subset: str) -> Path | None:
-    """The seqmap of `subset`: in `data_root/subset` or `data_root`, with or without an ending."""
+def _seqmaps(data_root: str | Path, subset: str) -> list[Path]:
+    """The seqmaps of `subset` in `data_root/subset` and `data_root`; notes those of other names."""
+    found, known = [], {SEQMAP + ending for each in _ENDINGS.values() for ending in each}
     for folder in (Path(data_root) / subset, Path(data_root)):
-        for ending in _ENDINGS[subset]:
-            path = folder / (SEQMAP + ending)
-            if os.path.lexists(path):
-                return path
-    return None
+        paths = (folder / (SEQMAP + ending) for ending in _ENDINGS[subset])
+        found += [path for path in paths if os.path.lexists(path)]
+        for path in sorted(folder.glob("*seqmap*")):
+            if path.name not in known:
+                endings = ", ".join(ending for ending in _ENDINGS[subset] if ending)
+                note(f"{path}: is not read; expected {SEQMAP}, perhaps with {endings}")
+    return found
 
 
 def read_seqmap(path: str | Path) -> dict[int, range]:
@@ -91,15 +97,23 @@ def write_seqmap(data_root: str | Path, subset: str, frames: dict[int, int]) -> 
     return path
 
 
-def frames_in_seqmap(data_root: str | Path, subset: str, seq: int) -> range | None:
-    """Frames of `seq` by the seqmap of `subset`; None without a seqmap or if it lacks `seq`."""
-    path = find_seqmap(data_root, subset)
-    if path is None:
-        return None
-    frames = read_seqmap(path)
-    if seq not in frames:
-        note(f"{path}: sequence {sequence_name(seq)} is not in it, its frames are not limited")
-    return frames.get(seq)
+def find_seqmap(data_root: str | Path, subset: str, seq: int) -> tuple[Path, range] | None:
+    """The first seqmap of `subset` that holds `seq`, and its frames; None without one.
+
+    Notes seqmaps that are not used, and a sequence that none of them holds.
+    """
+    paths = _seqmaps(data_root, subset)
+    for i, path in enumerate(paths):
+        frames = read_seqmap(path)
+        if seq in frames:
+            if paths[i + 1 :]:
+                others = ", ".join(map(str, paths[i + 1 :]))
+                note(f"{path}: the frames of its sequences are taken from it, not from {others}")
+            return path, frames[seq]
+    if paths:
+        lacking = f"sequence {sequence_name(seq)} is not in it, its frames are not limited"
+        note(f"{paths[0]}: {lacking}")
+    return None
 
 
 def check_subset(subset: str) -> str:

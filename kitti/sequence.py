@@ -17,14 +17,14 @@ from kitti.detections import read_detection_folder
 from kitti.labels import MAX_FRAMES, MAX_NUMBER, Limit, read_labels, read_results
 from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan
-from kitti.seqmap import check_subset, find_seqmap, frames_in_seqmap, sequence_name
+from kitti.seqmap import check_subset, find_seqmap, sequence_name
 from kitti.tables import read_table, text_file
 
 
 class KittiSequence:
     """Sequence `seq` of `data_root/subset`.
 
-    A seqmap (`evaluate_tracking.seqmap[.training|.testing]` in data_root or data_root/subset)
+    A seqmap (`evaluate_tracking.seqmap*` in data_root or data_root/subset, see `kitti.seqmap`)
     defines its frames; without one they are 0 to the last labelled frame (the benchmark's 8008
     frames), without labels (testing) 0 to the last numbered scan. Scan files are not counted: a
     missing scan (0001/177-180) is a frame without a scan. Rows of labels, detections and results
@@ -57,14 +57,14 @@ class KittiSequence:
         return text_file(self.folder / "label_02", self.name)
 
     @cached_property
-    def _seqmap_frames(self) -> range | None:
-        return frames_in_seqmap(self.data_root, self.subset, self.seq)
+    def _seqmap(self) -> tuple[Path, range] | None:
+        return find_seqmap(self.data_root, self.subset, self.seq)
 
     @cached_property
     def frames(self) -> range:
         """All frame numbers, with or without scan."""
-        if self._seqmap_frames is not None:
-            return self._seqmap_frames
+        if self._seqmap is not None:
+            return self._seqmap[1]
         if self.subset == "training":
             return range(self._labelled_frames)
         numbers = [
@@ -114,7 +114,7 @@ class KittiSequence:
         """The labelled objects, DontCare included; none for the testing subset."""
         if self.subset == "testing":
             return Objects.empty()
-        if self._seqmap_frames is None:
+        if self._seqmap is None:
             return read_labels(self.label_path)
         return self._in_frames(read_labels(self.label_path, MAX_FRAMES), self.label_path)
 
@@ -136,12 +136,12 @@ class KittiSequence:
     @property
     def _limit(self) -> Limit:
         """Upper bound of the frame numbers in detections and results."""
-        if self._seqmap_frames is None and self.subset == "training":
-            return Limit(self.num_frames, f"where the labels {self.label_path} end")
         if self.subset == "testing":
             return Limit(self.num_frames)
+        if self._seqmap is None:
+            return Limit(self.num_frames, f"where the labels {self.label_path} end")
         labelled = read_labels(self.label_path, MAX_FRAMES).frame.max(initial=-1) + 1
-        end = f"where the seqmap {find_seqmap(self.data_root, self.subset)} ends"
+        end = f"where the seqmap {self._seqmap[0]} ends"
         return Limit(max(self.num_frames, int(labelled)), end)
 
     def _in_frames(self, rows: Objects, path: str | Path) -> Objects:
