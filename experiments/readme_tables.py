@@ -70,9 +70,10 @@ def record_line(made: dict[str, Any]) -> str:
     commit, changed = re.fullmatch(r"(\w+)(\+changes)?", made["git_commit"] or "unknown").groups()
     machine, versions = made["machine"], made["versions"]
     processor = machine["processor"] or machine["architecture"]
+    cores = f"{machine['cpu_count']} CPU core{'s' if machine['cpu_count'] > 1 else ''}"
     return (
         f"*Measured {made['time_utc'][:10]}, commit {commit[:7]}"
-        f"{' with uncommitted changes' if changed else ''}, {machine['cpu_count']} CPU cores "
+        f"{' with uncommitted changes' if changed else ''}, {cores} "
         f"({processor}), Python {versions['python']}, TensorFlow {versions['tensorflow']}:* "
         f"`{made['command']}`"
     )

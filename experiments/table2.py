@@ -25,8 +25,7 @@ from experiments.runs import write
 from kitti.scans.point_arrays import sample_points
 from kitti.sequence import KittiSequence
 
-PAPER = {  # seconds; Table II, GTX 1080 Ti; first, all points of a scan, as inference takes them
-    (20000, 5000): None,
+PAPER = {  # (N, N'): seconds; Table II, GTX 1080 Ti
     (15000, 5000): 0.099,
     (15000, 1000): 0.086,
     (15000, 500): 0.085,
@@ -37,6 +36,7 @@ PAPER = {  # seconds; Table II, GTX 1080 Ti; first, all points of a scan, as inf
     (5000, 1000): 0.037,
     (5000, 500): 0.036,
 }
+ALL_POINTS = (20000, 5000)  # what inference takes of a scan of KITTI, beside the paper's settings
 
 
 def median_seconds(call: Callable[[], object], repeats: int) -> float:
@@ -157,15 +157,15 @@ def resized(networks, num_points: int, num_kept_points: int):
     return others
 
 
-def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
-    """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over N and N'."""
+def stream_times(networks, scans, settings, repeats: int) -> dict[tuple[int, int], float]:
+    """Seconds for a new frame of a stream, detector, tracker and Algorithm 1, over (N, N')."""
     from evaluation.detections import NetworkStream
     from models.inference import StreamingNetwork
     from tracking import make_tracker, track_frame
 
     times = {}
-    with Progress(len(PAPER), "N, N'", "setting") as bar:
-        for n, kept in PAPER:
+    with Progress(len(settings), "N, N'", "setting") as bar:
+        for n, kept in settings:
             network = StreamingNetwork(*resized(networks, n, kept), max_points=n)
             tracker, stream, frame = make_tracker("pointtracknet"), NetworkStream(network), count()
             stream.detect(scans[0], next(frame))
@@ -182,8 +182,8 @@ def stream_times(networks, scans, repeats: int) -> dict[tuple[int, int], float]:
 def table(detector: dict[str, float], stream: dict[tuple[int, int], float], device: str) -> str:
     """Both tables as Markdown."""
     measured = [(name, f"{value:.3f}") for name, value in detector.items()]
-    paper = {key: "-" if value is None else f"{value:.3f}" for key, value in PAPER.items()}
-    rows = [(n, k, f"{s:.3f}", paper[n, k]) for (n, k), s in stream.items()]
+    paper = {key: f"{seconds:.3f}" for key, seconds in PAPER.items()}
+    rows = [(n, k, f"{s:.3f}", paper.get((n, k), "-")) for (n, k), s in stream.items()]
     return (
         f"{device}\n\n"
         + markdown(["measured", "seconds a frame"], measured)
@@ -210,7 +210,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         scans = [sequence.read_points_level(t)[:, :3] for t in (0, 1)]
         detector = detector_times(config, scans, flags.repeats)
         detector |= training_times(config, sequence, flags.repeats)
-    stream = stream_times(networks, scans, flags.repeats)
+    stream = stream_times(networks, scans, (ALL_POINTS, *PAPER), flags.repeats)
     metrics = {
         "device": device,
         "detector": detector,

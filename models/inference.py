@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import tensorflow as tf
@@ -20,13 +21,15 @@ from models.boxes.box_decoding import (
 from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
 from models.config import DecodingConfig, DetectorConfig
-from models.detector import Detector, DetectorOutputs, detector_inputs
+from models.detector import Detector, DetectorInputs, DetectorOutputs, detector_inputs
 from models.layers import fold_batch_norm
 from models.probability_filter import foreground_probability
 from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 
 ALL_POINTS = 4 / 3
 """Times N: the most points of a scan that inference takes; a scan of KITTI has 16000 to 20500."""
+COMPILED = {"jit_compile": False, "autograph": False}
+"""Of `tf.function`: the control flow is Python's alone, and AutoGraph would slow the first call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +50,25 @@ class FrameState:
         return None if self.encode is None else self.encode()
 
 
-def frame_proposals(
-    detector: Detector, xyz: tf.Tensor, outputs: DetectorOutputs, min_probability: float
-) -> tuple[Proposals, tf.Tensor]:
-    """Proposals and foreground probability (N,) of the single frame xyz (1, N, 3) of a batch."""
-    boxes = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
-    proposals = propose(xyz[0], boxes, detector.config.box, min_probability, outputs.fc1[0])
-    return proposals, foreground_probability(boxes.mask_logits)
+def detector_pass(
+    detector: Detector,
+    min_probability: float,
+    choose: Callable[[DetectorInputs, DetectorOutputs], Any] = lambda inputs, outputs: (),
+) -> Callable[[np.ndarray], tuple[Proposals, tf.Tensor, Any]]:
+    """The detector's pass over one frame, compiled.
+
+    Takes xyz (1, N, 3); returns the proposals, the foreground probability (N,), and what `choose`
+    takes from the inputs and outputs of the detector.
+    """
+
+    def run(xyz):
+        inputs = detector_inputs(xyz, detector.config)
+        outputs = detector(inputs, training=False)
+        boxes = tf.nest.map_structure(lambda x: x[0], outputs.boxes)
+        found = propose(xyz[0], boxes, detector.config.box, min_probability, outputs.fc1[0])
+        return found, foreground_probability(boxes.mask_logits), choose(inputs, outputs)
+
+    return tf.function(run, input_signature=[tf.TensorSpec([1, None, 3], tf.float32)], **COMPILED)
 
 
 def sample_scan(
@@ -114,22 +129,10 @@ class StreamingNetwork:
         self.seed, self.max_points = seed, max_points
         fold_batch_norm(detector)
         fold_batch_norm(tracker)
-        points = tf.TensorSpec([1, None, 3], tf.float32)
-        # Their control flow is Python's alone: AutoGraph would take most of the first call.
-        options = {"jit_compile": False, "autograph": False}
-        self._detect = tf.function(self._detect_graph, input_signature=[points], **options)
-        self._encode = tf.function(tracker.encode, **options)
-        self._associate = tf.function(tracker.displacement, **options)
-
-    def _detect_graph(self, xyz):
-        inputs = detector_inputs(xyz, self.detector.config)
-        outputs = self.detector(inputs, training=False)
-        proposals, probability = frame_proposals(
-            self.detector, xyz, outputs, self.decoding.min_probability
-        )
-        frame = self.tracker.fused_features(inputs, outputs)
-        kept = tf.gather(probability, frame.rows[0])
-        return proposals, probability, frame, kept
+        least = self.decoding.min_probability
+        self._detect = detector_pass(detector, least, tracker.fused_features)
+        self._encode = tf.function(tracker.encode, **COMPILED)
+        self._associate = tf.function(tracker.displacement, **COMPILED)
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
         """(n, >=3) points -> (1, count, 3) chosen by seed and t, see `sample_scan`."""
@@ -158,11 +161,11 @@ class StreamingNetwork:
         if not len(points):
             return _nothing()
         xyz = self.sample(points, t)
-        proposals, probability, frame, kept = self._detect(xyz)
+        proposals, probability, frame = self._detect(xyz)
         probability = probability.numpy()
         return FrameState(
             frame.xyz.numpy()[0],
-            kept.numpy(),
+            probability[frame.rows.numpy()[0]],
             frame.features.numpy()[0],
             self.boxes(proposals, probability, xyz[0]),
             probability,

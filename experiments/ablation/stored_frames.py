@@ -1,10 +1,9 @@
 """Outputs of the frozen detector for evaluated frames, stored on disk for several trackers."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import tensorflow as tf
 
 from common.files import write_arrays
 from common.progress import Progress
@@ -12,8 +11,7 @@ from evaluation.detections import NetworkStream
 from evaluation.scene import Scene
 from models.boxes.box_decoding import Detections
 from models.config import FUSED_FEATURES
-from models.detector import detector_inputs
-from models.inference import FrameState, StreamingNetwork, frame_proposals
+from models.inference import FrameState, StreamingNetwork, detector_pass
 from models.tracker import all_fused_features
 from tracking import FrameDetections
 
@@ -31,7 +29,7 @@ def store_frames(
     One pass of the detector serves all rows of Table IV, each with a file of its own.
     `network`: the configuration of its tracker gives the number of points; it is not run.
     """
-    pass_detector = _detector_pass(network)
+    pass_detector = StoredPass(network)
     with Progress(sum(len(scene.frames) for scene in scenes), title, "frames") as bar:
         for scene in scenes:
             for t in scene.frames:
@@ -44,29 +42,26 @@ def store_frames(
 Arrays = dict[str, np.ndarray]
 
 
-def _detector_pass(
-    network: StreamingNetwork,
-) -> Callable[[np.ndarray | None, int], dict[str, Arrays]]:
-    """A function of points and frame number: the arrays of each row of Table IV."""
-    detector, rows = network.detector, all_fused_features(network.tracker.config)
+class StoredPass:
+    """A pass of the detector for all rows of Table IV; `network` as in `store_frames`."""
 
-    @tf.function(jit_compile=False, autograph=False)
-    def run(xyz):
-        inputs = detector_inputs(xyz, detector.config)
-        outputs = detector(inputs, training=False)
-        least = network.decoding.min_probability
-        chosen = {name: choose(inputs, outputs) for name, choose in rows.items()}
-        return *frame_proposals(detector, xyz, outputs, least), chosen
+    def __init__(self, network: StreamingNetwork):
+        self.network, self.rows = network, all_fused_features(network.tracker.config)
+        self._run = detector_pass(network.detector, network.decoding.min_probability, self._choose)
 
-    def arrays(points, t):
+    def _choose(self, inputs, outputs):
+        return {name: choose(inputs, outputs) for name, choose in self.rows.items()}
+
+    def __call__(self, points: np.ndarray | None, t: int) -> dict[str, Arrays]:
+        """The arrays of each row, from the points of frame t."""
         if points is None or not len(points):
-            state = network.detect(np.zeros((0, 3)), t)
+            state = self.network.detect(np.zeros((0, 3)), t)
             found = state.points, state.foreground, state.features, state.detections
-            return dict.fromkeys(rows, _arrays(*found))
-        xyz = network.sample(points, t)
-        proposals, probability, chosen = run(xyz)
+            return dict.fromkeys(self.rows, _arrays(*found))
+        xyz = self.network.sample(points, t)
+        proposals, probability, chosen = self._run(xyz)
         probability = probability.numpy()
-        boxes = network.boxes(proposals, probability, xyz[0])
+        boxes = self.network.boxes(proposals, probability, xyz[0])
         return {
             name: _arrays(
                 frame.xyz.numpy()[0],
@@ -76,8 +71,6 @@ def _detector_pass(
             )
             for name, frame in chosen.items()
         }
-
-    return arrays
 
 
 def _arrays(

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import tensorflow as tf
 
 from common.progress import progress
 from kitti.boxes import points_in_boxes, project_boxes
@@ -19,8 +18,8 @@ from models.boxes.box_decoding import Clusters, cluster
 from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
 from models.config import DecodingConfig
-from models.detector import Detector, detector_inputs
-from models.inference import frame_proposals, sample_scan
+from models.detector import Detector
+from models.inference import detector_pass, sample_scan
 from tracking.assignment import greedy
 from training.sampling.augmentation import SceneTransform
 from training.sampling.frames import frame_list
@@ -78,12 +77,7 @@ class CandidateFinder:
 
     def __init__(self, detector: Detector, decoding: DecodingConfig, max_points: int | None = None):
         self.detector, self.decoding, self.max_points = detector, decoding, max_points
-        points = tf.TensorSpec([1, None, 3], tf.float32)
-        self._propose = tf.function(self._graph, input_signature=[points], jit_compile=False)
-
-    def _graph(self, xyz):
-        outputs = self.detector(detector_inputs(xyz, self.detector.config), training=False)
-        return frame_proposals(self.detector, xyz, outputs, self.decoding.min_probability)
+        self._propose = detector_pass(detector, decoding.min_probability)
 
     def find(self, sequence: KittiSequence, t: int, view: int = 0) -> Candidates:
         """Candidates of a frame with a scan.
@@ -96,7 +90,7 @@ class CandidateFinder:
             points, truth = MIRRORED.points(points), MIRRORED.boxes(truth)
         rng = np.random.default_rng([view, t])
         xyz = sample_scan(points, self.detector.config, self.max_points, rng)
-        proposals, likely = self._propose(xyz)
+        proposals, likely, _ = self._propose(xyz)
         clusters, likely = cluster(proposals, self.decoding), likely.numpy()
         boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
         projected = np.nan_to_num(project_boxes(boxes, sequence.calib, sequence.image_size))
