@@ -64,12 +64,17 @@ class CachedPredictions:
         loaded.network.warm_up()
         return loaded
 
-    @cached_property
-    def _code_and_weights(self) -> bytes:
+    def check_weights(self) -> list[Path]:
+        """The files of the networks; raises InputError where one is missing."""
         paths = [self.weights / "detector.npz", self.weights / "tracker.npz"]
         for path in paths:
             if not path.is_file():
                 raise InputError("expected a checkpoint file", path)
+        return paths
+
+    @cached_property
+    def _code_and_weights(self) -> bytes:
+        paths = self.check_weights()
         scorer = self.weights / SCORER
         paths += [scorer] * scorer.is_file()
         return b"".join(_digest_of_file(path) for path in paths) + code_digest()

@@ -211,14 +211,22 @@ def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Creates `folder`; raises InputError if files cannot be written there."""
+    """Raises InputError if `folder` can be neither written to nor created; creates nothing."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with tempfile.TemporaryFile(dir=_nearest(folder)):
             pass
     except OSError as error:
         reason = error.strerror or os.strerror(error.errno or 0)
         raise InputError(f"--out: cannot be written: {reason}", folder) from error
+
+
+def _nearest(folder: Path) -> Path:
+    """`folder`, or the first folder above it that exists."""
+    for path in (folder, *folder.parents):
+        with contextlib.suppress(FileNotFoundError):
+            path.lstat()
+            return path
+    return Path()
 
 
 def _data(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Any]:

@@ -84,6 +84,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     """Runs all steps; prints the table and the paths, returns the content of metrics.json."""
     check_writable(config.out)
     demo = Demo(config)
+    demo.cached.check_weights()
     demo.make_data()
     demo.fill_cache()
     records = {d: demo.evaluate(d) for d in config.object_shifts}

@@ -10,6 +10,8 @@ import numpy as np
 from common.errors import InputError
 from kitti.boxes import level_from_camera
 from kitti.labels import (
+    LABEL_COLUMNS,
+    RESULT_COLUMNS,
     Limit,
     check_boxes,
     frames_of,
@@ -18,15 +20,19 @@ from kitti.labels import (
     refuse_magnitudes,
     sorted_by_frame,
 )
-from kitti.objects import Objects
-from kitti.tables import read_lines, read_table, text_file
+from kitti.objects import CLASSES, Objects, class_name
+from kitti.tables import columns_of, read_lines, read_table, text_file
 
 DETECTION_COLUMNS = 15
-OBJECT_COLUMNS = (15, 16)
+OBJECT_COLUMNS = (15, 16, 17)
 """Of the object benchmark's files: type, truncation, occlusion, alpha, 2-D box, h w l, x y z, ry,
-and optionally a score."""
+and optionally a score; AB3DMOT's tracks have an id behind it, which is not used."""
 DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 """Type numbers of AB3DMOT's detection files."""
+_EXPECTED = (
+    f"expected {DETECTION_COLUMNS} columns (AB3DMOT: frame, type number, ...), {LABEL_COLUMNS} or "
+    f"{RESULT_COLUMNS} (KITTI results: frame, id, class, ...)"
+)
 _FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
 
 
@@ -65,18 +71,26 @@ def read_detection_folder(
 def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
     """Reads detections in AB3DMOT's layout, or those of a KITTI result file; empty means none.
 
-    AB3DMOT's columns, separated by commas: frame, type number, x1, y1, x2, y2, score, h, w, l, x,
-    y, z, ry, alpha. A file without commas is read as KITTI results. Track ids are -1.
+    The number of columns tells which. AB3DMOT's 15: frame, type number, x1, y1, x2, y2, score, h,
+    w, l, x, y, z, ry, alpha. Track ids are -1.
 
     Raises:
         InputError: as `kitti.labels.read_labels`.
     """
     lines = read_lines(path)
-    if not any("," in line for line in lines) and any(len(line.split()) > 1 for line in lines):
+    first = next((i for i, line in enumerate(lines) if line.strip()), None)
+    columns = [] if first is None else columns_of(lines[first])
+    if len(columns) in (LABEL_COLUMNS, RESULT_COLUMNS):
         rows = read_results(path, num_frames, tracked=False)
         boxed = (rows.type != "DontCare") & ~np.isnan(rows.boxes).any(axis=1)
         return replace(rows[boxed], track_id=np.full(int(boxed.sum()), -1))
-    table = read_table(path, (DETECTION_COLUMNS,), ",")
+    if first is not None and (len(columns) != DETECTION_COLUMNS or columns[0].isidentifier()):
+        hint = ""
+        if class_name(columns[0]) in CLASSES:
+            hint = f"; a file without frame numbers is one frame: {Path(path).stem}/000000.txt"
+        found = f"found {len(columns)}: {columns[0]} ..."
+        raise InputError(f"{_EXPECTED}, {found}{hint}", path, first + 1)
+    table = read_table(path, (DETECTION_COLUMNS,))
     frame = frames_of(table, num_frames)
     number = table.integers(1, "type number")
     known = " ".join(f"{key} ({name})" for key, name in DETECTION_TYPES.items())
@@ -132,7 +146,7 @@ def _object_file(path: Path, frame: int) -> Objects:
     table = read_table(path, OBJECT_COLUMNS, text_column=0)
     kind, values = known_classes(table, 0), table.numbers(1, table.width)
     cared_for = kind != "DontCare"
-    score = values[:, 14] if table.width == max(OBJECT_COLUMNS) else np.full(len(table), np.nan)
+    score = values[:, 14] if table.width > min(OBJECT_COLUMNS) else np.full(len(table), np.nan)
     check_boxes(table, values[:, 7:14], kind, cared_for, 9)
     refuse_magnitudes(table, values[:, :14], score)
     rows = Objects(

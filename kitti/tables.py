@@ -47,6 +47,11 @@ class Table:
         """Number of columns."""
         return self.values.shape[1]
 
+    @property
+    def rows(self) -> list[str]:
+        """The lines that are not blank, a row each."""
+        return [line for line in self.source if line.strip()]
+
     def error(self, message: str, row: int) -> InputError:
         """The `InputError` that names the line of `row`."""
         numbers = (i for i, line in enumerate(self.source, 1) if line.strip())
@@ -75,8 +80,8 @@ class Table:
         if not len(large):
             self.refuse(np.abs(values) >= 2 ** (bits - 1), f"{expected} below 2^{bits - 1}")
             return values.astype(np.int64)
-        rows = [line for line in self.source if line.strip()]
         exact = np.where(np.abs(values) < _EXACT, values, 0).astype(np.int64)
+        rows = self.rows
         for row in large.tolist():
             number = int(Decimal(rows[row].split(self.separator)[column].strip()))
             if abs(number) >= 2 ** (bits - 1):
@@ -124,18 +129,23 @@ def text_file(folder: Path, name: str) -> Path:
     return packed if packed.exists() and not os.path.lexists(path) else path
 
 
-def read_table(
-    path: str | Path,
-    widths: tuple[int, ...],
-    separator: str | None = None,
-    text_column: int | None = None,
-) -> Table:
+def columns_of(line: str) -> list[str]:
+    """The columns of a line, between commas if it has one, else between white space."""
+    return line.split(_separator(line))
+
+
+def _separator(line: str) -> str | None:
+    return "," if "," in line else None
+
+
+def read_table(path: str | Path, widths: tuple[int, ...], text_column: int | None = None) -> Table:
     """Reads a table of rows of one width among `widths`; blank lines are skipped.
+
+    Columns are between white space or, if the first row has one, between commas.
 
     Args:
         path: a plain ASCII text file.
         widths: the numbers of columns that are allowed.
-        separator: None for white space, or a character such as ",".
         text_column: the column that holds a word; all others hold finite numbers.
 
     Raises:
@@ -145,6 +155,7 @@ def read_table(
     """
     source = read_lines(path)
     rows = [line for line in source if line and not line.isspace()]
+    separator = _separator(rows[0]) if rows else None
     width = len(rows[0].split(separator)) if rows else max(widths)
     parsed = _parse(rows, width, separator, text_column) if width in widths else None
     if parsed is None:
@@ -175,7 +186,7 @@ def _parse(
     values, text = np.zeros((len(table), width)), np.zeros(len(table), _TEXT)
     for i in range(width):
         if i == text_column:
-            text = table[f"c{i}"]
+            text = np.char.strip(table[f"c{i}"])
         else:
             values[:, i] = table[f"c{i}"]
     return (values, text) if np.isfinite(values).all() else None

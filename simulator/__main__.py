@@ -8,7 +8,7 @@ from common.errors import InputError
 from common.flags import ArgumentParser, finite_float, non_negative_int, positive_int, run
 from kitti.labels import MAX_FRAMES
 from kitti.seqmap import parse_sequences
-from kitti.sequence import open_sequences
+from kitti.sequence import KittiSequence, open_sequences
 from simulator.dataset import make_dataset
 from simulator.plan import Plan
 from simulator.sensor_model.frames import Options
@@ -58,11 +58,21 @@ def _label_plan(flags, options: Options) -> Plan:
     if flags.seqs is None:
         raise InputError("--from_labels needs --seqs, for example 0016-0020")
     sequences = open_sequences(flags.from_labels, parse_sequences(flags.seqs))
+    for sequence in sequences:
+        _check(sequence)
     frames = {sequence.seq: sequence.num_frames for sequence in sequences}
     if flags.frames is not None:
         frames = {seq: min(count, flags.frames) for seq, count in frames.items()}
     spec = {"from_labels": str(flags.from_labels)}
     return Plan("labels", spec, flags.seed, frames, options)
+
+
+def _check(sequence: KittiSequence) -> None:
+    """Reads the files of a sequence, so that faults are found before anything is written."""
+    _ = sequence.objects, sequence.calib, sequence.poses
+    if sequence.frames.start:
+        begins = f"sequence {sequence.name} begins at frame {sequence.frames.start} by its seqmap"
+        raise InputError(f"--from_labels: {begins}, expected 0", sequence.data_root)
 
 
 def _own_plan(flags, options: Options) -> Plan:

@@ -8,7 +8,6 @@ from helpers.small_weights import write_weights
 
 import demo
 from common import flags
-from evaluation.config import EvaluateConfig
 from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments import demo as experiment
 from visualization.gallery import pictures
@@ -77,9 +76,9 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
 
 
 def test_missing_weights_end_with_one_line_and_code_2(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(experiment, "simulate", lambda argv: None)
-    monkeypatch.setattr(EvaluateConfig, "open_scenes", lambda config: [None])
+    monkeypatch.setattr(experiment, "simulate", lambda argv: pytest.fail("too late"))
     assert _run(tmp_path / "out", tmp_path / "nothing") == 2
+    assert not (tmp_path / "out").exists()
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "detector.npz: expected a checkpoint file" in error
 

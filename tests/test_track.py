@@ -254,3 +254,4 @@ def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
     assert "the scene is wider than long" in capsys.readouterr().err
     assert flags.run(track.main, [*argv, *flag.split()]) == 2
     assert capsys.readouterr().err.endswith("detector.npz: expected a checkpoint file\n")
+    assert not (tmp_path / "out").exists()

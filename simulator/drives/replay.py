@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from common.files import write_bytes
+from common.files import write_bytes, write_text
 from kitti.boxes import transform_boxes
 from kitti.calibration import Calibration
+from kitti.labels import LABEL_COLUMNS, TYPE_COLUMN
 from kitti.objects import Objects
 from kitti.sequence import KittiSequence
+from kitti.tables import read_table
 from simulator.bodies.convex import Body
 from simulator.bodies.kitti_types import make_body
 from simulator.config import SENSOR
@@ -61,9 +63,10 @@ class Replay:
     def write_texts(self, root: Path, name: str, frames: int) -> None:
         """Copies the source's files, labels and poses of the first `frames` alone; writes oxts."""
         source = self.sequence
-        labels = source.label_path.read_bytes().splitlines(keepends=True)
-        labels = [line for line in labels if line.strip() and int(line.split()[0]) < frames]
-        write_bytes(root / "label_02" / f"{name}.txt", b"".join(labels))
+        table = read_table(source.label_path, (LABEL_COLUMNS,), TYPE_COLUMN)
+        inside = zip(table.rows, table.values[:, 0] < frames, strict=True)
+        labels = "".join(line + "\n" for line, chosen in inside if chosen)
+        write_text(root / "label_02" / f"{name}.txt", labels)
         calib = (source.folder / "calib" / f"{name}.txt").read_bytes()
         write_bytes(root / "calib" / f"{name}.txt", calib)
         poses = source.data_root / "poses" / f"{name}.txt"

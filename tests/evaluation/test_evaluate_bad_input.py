@@ -44,7 +44,7 @@ def test_result_files(tiny_root, tmp_path, theirs, fails, name, text, line):
     out = tmp_path / "out"
     arguments = ("--data_root", tiny_root, "--seqs", "0000-0001", "--out", out)
     assert f"{path}:{line}:" in fails(*arguments, "--results", theirs)
-    assert list(out.iterdir()) == []
+    assert not out.exists()
 
 
 def test_result_file_that_is_not_text(tiny_root, tmp_path, theirs, fails):
@@ -90,7 +90,7 @@ def test_bad_detections_are_found_before_any_work(tiny_root, tmp_path, fails):
     out = tmp_path / "out"
     arguments = ("--data_root", tiny_root, "--seqs", "0000-0001", "--out", out, "--tracker", "sort")
     assert "0001.txt:1:" in fails(*arguments, "--detections", folder)
-    assert list(out.iterdir()) == []
+    assert not out.exists()
 
 
 def test_bad_labels(tmp_path, fails):
@@ -100,7 +100,7 @@ def test_bad_labels(tmp_path, fails):
     out = tmp_path / "out"
     message = fails("--data_root", root, "--seqs", "0000", "--out", out)
     assert "0000.txt:" in message and "Boat" in message
-    assert list(out.iterdir()) == []
+    assert not out.exists()
 
 
 def test_missing_calibration_key(tmp_path, fails):
@@ -143,7 +143,7 @@ def test_flags(tiny_root, tmp_path, fails, flags, message):
     out = tmp_path / "out"
     given = ["--data_root", tiny_root, "--seqs", "0000", "--out", out]
     assert message in fails(*given, *flags)
-    assert not out.exists() or list(out.iterdir()) == []
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -159,6 +159,28 @@ def test_flags(tiny_root, tmp_path, fails, flags, message):
 def test_testing_subset_has_no_labels(tiny_root, tmp_path, fails, flags):
     given = ["--data_root", tiny_root, "--subset", "testing", "--out", tmp_path / "out"]
     assert "testing" in fails(*given, *flags)
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["--results", "no/results"], "no/results"),
+        (["--detections", "no/detections", "--tracker", "sort"], "no/detections"),
+        (["--detections", "network", "--tracker", "sort"], "expected scans"),
+    ],
+)
+def test_a_refused_run_leaves_no_folder(tiny_root, tmp_path, fails, argv, message):
+    out = tmp_path / "new" / "out"
+    assert message in fails("--data_root", tiny_root, "--seqs", "0000", "--out", out, *argv)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["file/out", "x" * 300, "loop/out"])
+def test_out_that_cannot_be_made_is_refused_before_the_work(tiny_root, tmp_path, fails, name):
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to("loop")
+    given = ("--data_root", tiny_root, "--seqs", "0000", "--results", "no/results")
+    assert "--out: cannot be written" in fails(*given, "--out", tmp_path / name)
 
 
 def test_out_that_is_a_file(tiny_root, tmp_path, fails):

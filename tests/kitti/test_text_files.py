@@ -76,6 +76,52 @@ def test_detections_may_be_kitti_results(kitti_folder):
         KittiSequence(root, 0).read_detections(root)
 
 
+AB3DMOT = "2,2,100,120,200,180,0.5,1.5,1.6,4.0,2.0,1.7,20.0,0.3,-1.5\n"
+
+
+@pytest.mark.parametrize("separator", [",", " ", "  ", "\t", ", "])
+def test_columns_may_be_between_commas_or_white_space(kitti_folder, separator):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    expected = [20, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
+    for text in (AB3DMOT, RESULT.format(2, 7, 0.5).replace(" ", ",")):
+        (root / "0000.txt").write_text(text.replace(",", separator))
+        found = KittiSequence(root, 0).read_detections(root)
+        assert (found.frame.tolist(), found.type.tolist(), found.score.tolist()) == (
+            [2], ["Car"], [0.5]
+        )  # fmt: skip
+        np.testing.assert_allclose(found.boxes[0], expected)
+        np.testing.assert_allclose(found.bbox[0], [100, 120, 200, 180])
+    labels = root / "training" / "label_02" / "0000.txt"
+    labels.write_text(labels.read_text().replace(" ", separator))
+    assert KittiSequence(root, 0).objects.type.tolist() == ["Car", "Car"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (AB3DMOT.replace(",-1.5", ""), r":1: expected 15 columns .* 17 or 18 .*, found 14: 2 "),
+        ("\n" + AB3DMOT[2:], r":2: expected 15 .*, found 14: 2 "),
+        (OBJECT, r"found 16: Car \.\.\.; a file without frame .*: 0000/000000\.txt"),
+        (OBJECT.replace(" 0.9", ""), r"found 15: Car \.\.\.; a file without frame"),
+        ("frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha\n", "found 15: frame "),
+        (AB3DMOT + AB3DMOT.replace(",", " "), r":2: expected 15 columns, found 1 "),
+    ],
+)
+def test_other_columns_are_refused_with_those_that_are_expected(kitti_folder, text, message):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    (root / "0000.txt").write_text(text)
+    with pytest.raises(InputError, match=message):
+        KittiSequence(root, 0).read_detections(root)
+
+
+def test_an_id_behind_the_score_of_a_file_per_frame_is_not_used(kitti_folder):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    (root / "d" / "0000").mkdir(parents=True)
+    (root / "d" / "0000" / "000002.txt").write_text(OBJECT.replace("0.9", "0.9 12"))
+    found = KittiSequence(root, 0).read_detections(root / "d")
+    assert (found.score.tolist(), found.track_id.tolist()) == ([0.9], [-1])
+
+
 @pytest.mark.parametrize("below", ["flat", "flat/data"])
 def test_files_per_frame_of_a_single_sequence(kitti_folder, below):
     root = kitti_folder([label_row(0, 0), label_row(3, 0)])

@@ -1,5 +1,6 @@
 """Data sets: layout, same bytes, resume, reuse, refusals; and replay of a labelled set."""
 
+import gzip
 import json
 from pathlib import Path
 
@@ -40,6 +41,16 @@ def again(made, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("replay") / "data"
     assert run(main, replayed(out, made, "--processes", "1")) == 0
     return out
+
+
+@pytest.fixture
+def kitti_copy(made, tmp_path) -> Path:
+    """The text files of the own traffic, which a test may change."""
+    for path in (*made.glob("training/*/0016.txt"), *made.glob("poses/*.txt")):
+        copy = tmp_path / "source" / path.relative_to(made)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(path.read_bytes())
+    return tmp_path / "source"
 
 
 def test_kitti_reads_it_with_no_special_case(made):
@@ -120,6 +131,30 @@ def test_replayed_labels_equal_the_source(again, made):
     np.testing.assert_array_equal(
         KittiSequence(made, 16).objects.boxes, KittiSequence(again, 16).objects.boxes
     )
+
+
+def test_a_source_with_a_fault_is_refused_before_anything_is_written(tmp_path, kitti_copy, capsys):
+    out = tmp_path / "x"
+    seqmap = kitti_copy / "training" / "evaluate_tracking.seqmap.training"
+    seqmap.write_text("0016 empty 000001 000002\n")
+    assert run(main, replayed(out, kitti_copy)) == 2
+    assert "sequence 0016 begins at frame 1 by its seqmap, expected 0" in capsys.readouterr().err
+    seqmap.unlink()
+    (kitti_copy / "training" / "calib" / "0016.txt").write_text("P2: 1\n")
+    assert run(main, replayed(out, kitti_copy)) == 2
+    assert "P2: expected 12 numbers" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_packed_labels_are_replayed(tmp_path, kitti_copy, again):
+    labels = kitti_copy / "training" / "label_02" / "0016.txt"
+    labels.with_name("0016.txt.gz").write_bytes(gzip.compress(labels.read_bytes()))
+    labels.unlink()
+    out = tmp_path / "x"
+    assert run(main, replayed(out, kitti_copy, "--frames", "1", "--processes", "1")) == 0
+    copied = (out / "training" / "label_02" / "0016.txt").read_text().splitlines()
+    whole = (again / "training" / "label_02" / "0016.txt").read_text().splitlines()
+    assert copied == [line for line in whole if line.startswith("0 ")]
 
 
 def test_replay_of_fewer_frames_is_whole(made, tmp_path):
