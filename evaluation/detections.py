@@ -90,16 +90,22 @@ class NetworkStream:
     def follow(self, state: "FrameState", t: int) -> FrameDetections:
         """As `detect`, of a scan that has passed the detector."""
         previous, self.state = self.state, state
-        found = self.state.detections
-        motion = {}
-        if previous is not None:
-            motion = {
-                "points": previous.points,
-                "foreground": previous.foreground,
-                "displacement": self.network.displacement(previous, self.state),
-            }
+        found = state.detections
+        motion = {} if previous is None else self._motion(previous, state)
         types = self.class_names[found.classes]
         return FrameDetections(t, found.boxes, found.scores, types, **motion)
+
+    def _motion(self, previous: "FrameState", current: "FrameState") -> dict[str, np.ndarray]:
+        """Points of the earlier frame and their motion; none where the later one has no points.
+
+        Without points in frame t the displacement is unknown, which is not the same as 0.
+        """
+        rows = slice(len(previous.points) if len(current.points) else 0)
+        return {
+            "points": previous.points[rows],
+            "foreground": previous.foreground[rows],
+            "displacement": self.network.displacement(previous, current)[rows],
+        }
 
 
 class NetworkDetections:

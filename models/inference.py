@@ -197,7 +197,10 @@ class StreamingNetwork:
         return FrameState(points, foreground, features, found, foreground, points, encode)
 
     def displacement(self, previous: FrameState, current: FrameState) -> np.ndarray:
-        """Association displacement (N', 3) float32, metres, of the points of the earlier frame."""
+        """Association displacement (N', 3) float32, metres, of the points of the earlier frame.
+
+        Unknown, and 0 here, where one of the frames has no points.
+        """
         if previous.encoded is None or current.encoded is None:
             return np.zeros_like(previous.points)
         return self._associate(previous.encoded, current.encoded).numpy()[0]

@@ -1,16 +1,18 @@
 """Scene, sources, tracking loop and tables, one by one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers import tiny_kitti
 
 from common.markdown import markdown
-from evaluation.detections import DetectionFiles, LabelBoxes
+from evaluation.detections import DetectionFiles, LabelBoxes, NetworkStream
 from evaluation.scene import Scene
 from evaluation.tracking_loop import NEVER_SEEN, SceneFrame, keep_last_seen, track_scene
 from kitti.object_shift import ObjectShift
 from kitti.sequence import KittiSequence
-from tracking import make_tracker
+from tracking import make_tracker, track_frame
 
 
 @pytest.fixture
@@ -85,6 +87,29 @@ def test_a_track_outside_the_image_keeps_its_last_image_box():
     bbox = np.array([[1, 2, 3, 4], [np.nan] * 4, [np.nan] * 4, [5, 6, 7, 8.0]])
     kept = keep_last_seen(np.array([7, 7, 8, 7]), bbox)
     assert kept.tolist() == [[1, 2, 3, 4], [1, 2, 3, 4], [NEVER_SEEN] * 4, [5, 6, 7, 8]]
+
+
+def _seen(*x: float):
+    """State of a frame with a car and a foreground point at each x; no points at all without."""
+    boxes = np.array([[at, 0, -1, 4, 2, 1.5, 0] for at in x]).reshape(-1, 7)
+    found = SimpleNamespace(boxes=boxes, scores=np.ones(len(x)), classes=np.zeros(len(x), int))
+    return SimpleNamespace(points=boxes[:, :3], foreground=np.ones(len(x)), detections=found)
+
+
+def test_a_frame_without_a_scan_leaves_the_displacement_unknown():
+    """A car that moves by 5 m in each frame is found again after the gap."""
+    config = SimpleNamespace(box=SimpleNamespace(classes=("Car",)))
+    network = SimpleNamespace(
+        detector=SimpleNamespace(config=config),
+        displacement=lambda before, after: np.full_like(before.points, 5.0) * [1, 0, 0],
+    )
+    stream, tracker = NetworkStream(network), make_tracker("pointtracknet")
+    ids = []
+    for t, state in enumerate((_seen(0.0), _seen(5.0), _seen(), _seen(15.0))):
+        found = stream.follow(state, t)
+        ids.append(track_frame(tracker, found).ids.tolist())
+        assert found.points is None if t == 0 else len(found.points) == (t == 1)
+    assert ids == [[0], [0], [], [0]]
 
 
 def test_table_shows_a_dash_for_none():

@@ -65,11 +65,17 @@ def test_the_larger_iou_wins_a_conflict():
 
 
 @pytest.mark.parametrize(("shift", "matched"), [(1.9, True), (2.1, False)])
-def test_tau_is_the_least_iou_of_a_match(shift, matched):
+def test_a_match_has_an_iou_above_tau(shift, matched):
     # shift s along 4 m: IoU (4 - s) / (4 + s); 2.1 / 5.9 = 0.356, 1.9 / 6.1 = 0.311
     tracker = make_tracker("pointtracknet", tau=1.0 / 3.0)
     step(tracker, cars(0.0))
     assert (step(tracker, cars(shift)).ids.tolist() == [0]) == matched
+
+
+def test_boxes_apart_never_match_even_with_a_tau_of_0():
+    tracker = make_tracker("pointtracknet", tau=0.0)
+    step(tracker, cars(0.0))
+    assert step(tracker, cars(4.5)).ids.tolist() == [1]
 
 
 def test_a_lost_object_repeats_its_last_displacement():
