@@ -5,6 +5,7 @@ import tensorflow as tf
 
 from tf_ops.devices import fused_ops
 from tf_ops.normalization import batch_norm_relu, batch_norm_relu_max
+from tf_ops.shapes import sizes
 
 EPSILON = 1e-3  # of BatchNorm; Keras's default
 NORMALIZED = 0.5**0.5  # root mean square of relu(z), z of mean 0 and variance 1
@@ -48,7 +49,7 @@ class BatchNormReLU(keras.layers.Layer):
 
         pool: x is (..., K, C), and the maximum over K is returned, (..., C).
         """
-        shape, replicas = tf.shape(x), tf.distribute.get_replica_context()
+        shape, replicas = sizes(x), tf.distribute.get_replica_context()
         joint = replicas is not None and replicas.num_replicas_in_sync > 1
         if joint or not fused_ops():
             y, mean, variance = self._unfused(tf.reshape(x, [-1, self.channels]), replicas, joint)
@@ -58,7 +59,7 @@ class BatchNormReLU(keras.layers.Layer):
             op = batch_norm_relu_max if pool else batch_norm_relu
             rows = tf.reshape(x, [-1, shape[-2], self.channels] if pool else [-1, self.channels])
             y, mean, variance = op(rows, self.gamma.value, self.beta.value, EPSILON)
-            y = tf.reshape(y, tf.concat([shape[:-2], shape[-1:]], 0) if pool else shape)
+            y = tf.reshape(y, [*shape[:-2], shape[-1]] if pool else shape)
         for average, value in ((self.moving_mean, mean), (self.moving_variance, variance)):
             average.assign(self.momentum * average.value + (1 - self.momentum) * value)
         return y
@@ -154,7 +155,7 @@ def linear(x: tf.Tensor, kernel: tf.Tensor, bias: tf.Tensor | None = None) -> tf
     """x (..., C), kernel (C, width), bias (width,) -> x W + b (..., width), one matrix product."""
     y = tf.matmul(tf.reshape(x, [-1, x.shape[-1]]), kernel)
     y = y if bias is None else tf.nn.bias_add(y, bias)  # fused with the product by TensorFlow
-    return tf.reshape(y, tf.concat([tf.shape(x)[:-1], tf.shape(kernel)[1:]], 0))
+    return tf.reshape(y, [*sizes(x)[:-1], kernel.shape[1]])
 
 
 class SharedMLP(keras.layers.Layer):

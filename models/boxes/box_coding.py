@@ -6,6 +6,7 @@ import numpy as np
 import tensorflow as tf
 
 from models.config import BoxCodingConfig
+from tf_ops.shapes import sizes
 
 
 class BoxTargets(NamedTuple):
@@ -33,8 +34,7 @@ def split_head(head: tf.Tensor, config: BoxCodingConfig) -> list[tf.Tensor]:
     """head (B, Q, C) -> the fields of BoxPredictions, in order."""
     parts = tf.split(head, _head_sizes(config), axis=-1)
     templates = len(config.size_templates)
-    shape = tf.concat([tf.shape(head)[:-1], [templates, 3]], 0)
-    parts[5] = tf.ensure_shape(tf.reshape(parts[5], shape), [*head.shape[:-1], templates, 3])
+    parts[5] = tf.reshape(parts[5], [*sizes(head)[:-1], templates, 3])
     return parts
 
 

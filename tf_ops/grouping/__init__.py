@@ -4,6 +4,7 @@ import tensorflow as tf
 
 from tf_ops.devices import fused_ops, gather_rows, on_cpu
 from tf_ops.loading import load_library
+from tf_ops.shapes import sizes
 
 for _name in ("QueryBallPoint", "KnnPoint"):
     tf.no_gradient(f"PointTrackNet>{_name}")
@@ -119,7 +120,7 @@ def group_difference(
             grouped += tf.einsum("bmke,ec->bmkc", pair, weight)
         return tf.nn.relu(grouped) if relu else grouped
     if pair is None:
-        pair, weight = tf.zeros([*tf.unstack(tf.shape(idx)), 0]), tf.zeros([0, tf.shape(query)[2]])
+        pair, weight = tf.zeros([*sizes(idx), 0]), tf.zeros([0, sizes(query)[2]])
     return load_library().point_track_net_group_difference(
         points=points, index=idx, query=query, pair=pair, weight=weight, relu=relu
     )
