@@ -1,6 +1,7 @@
 """A folder of scans: frame numbers from file names."""
 
 import re
+from collections import Counter
 from decimal import Decimal
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +20,10 @@ _DATE = re.compile(  # year, month, day, hour, minute, second, fraction
     r"\D*(\d{4})[-_]?(\d\d)[-_]?(\d\d)[-_T ]+(\d\d)[-_:]?(\d\d)[-_:]?(\d\d)(?:[._,-](\d{1,9}))?\D*",
     re.ASCII,
 )
+_DIGITS = re.compile(  # the same in one number
+    r"\D*(\d{4})(\d\d)(\d\d)(\d\d)(\d\d)(\d\d)(?:[._,-]?(\d{1,9}))?\D*", re.ASCII
+)
+_LEAST, _MOST = (1, 1, 0, 0, 0), (12, 31, 23, 59, 60)  # month, day, hour, minute, second
 _TIMES = "names are times; they give the order, and gaps are not known"
 
 
@@ -44,13 +49,38 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
         if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
     ]
     if not paths:
-        raise InputError(f"--scans: found no {SUFFIXES[0]} file ({' '.join(SUFFIXES)})", folder)
+        expected = f"--scans: found no {SUFFIXES[0]} file ({' '.join(SUFFIXES)})"
+        raise InputError(f"{expected}{_instead(folder)}", folder)
     kinds = sorted({path.suffix.lower() for path in paths})
     if len(kinds) > 1:
         raise InputError(f"--scans: expected files of one format, found {' '.join(kinds)}", folder)
     if len(paths) == 1:
         return _single(paths[0])
     return _by_dates(paths) or _numbered(paths)
+
+
+def _instead(folder: Path) -> str:
+    """What a folder without scans holds: folders with scans, or the most frequent suffix."""
+    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    below = [path for path in inside if path.is_dir() and _has_scan(path)]
+    if below:
+        others = f" and {len(below) - 1} others" * (len(below) > 1)
+        return f"; there are scans in {below[0].name}/{others}: give one such folder"
+    suffixes = Counter("".join(path.suffixes).lower() for path in inside if path.is_file())
+    if not suffixes:
+        return ""
+    ((suffix, count),) = suffixes.most_common(1)
+    hint = (
+        "unpack them" if suffix.endswith((".gz", ".zip")) else "convert them, for instance to .npy"
+    )
+    return f", but {count} {suffix or 'without an ending'}: {hint}"
+
+
+def _has_scan(folder: Path) -> bool:
+    try:
+        return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
+    except OSError:
+        return False
 
 
 def _single(path: Path) -> dict[int, Path]:
@@ -61,10 +91,15 @@ def _single(path: Path) -> dict[int, Path]:
 
 def _by_dates(paths: list[Path]) -> dict[int, Path] | None:
     """Names that are dates with times such as 2011-09-26_13-02-25.123, in order; else None."""
-    matches = [_DATE.fullmatch(path.stem) for path in paths]
+    matches = [_DATE.fullmatch(path.stem) or _DIGITS.fullmatch(path.stem) for path in paths]
     if not all(matches):
         return None
     keys = [(*map(int, match.groups()[:6]), Decimal(f"0.{match[7] or 0}")) for match in matches]
+    if not all(
+        a <= n <= b for key in keys for a, n, b in zip(_LEAST, key[1:6], _MOST, strict=True)
+    ):
+        return None
+    _check_fractions(paths, [match[7] or "" for match in matches])
     if len(set(keys)) < len(keys):
         raise InputError("--scans: two scans have the same time", paths[0].parent)
     note(f"{paths[0].parent}: {_TIMES}")
@@ -80,7 +115,8 @@ def _numbered(paths: list[Path]) -> dict[int, Path]:
         odd = next(p for p, m in zip(paths, matches, strict=True) if m[2] != matches[0][2])
         raise InputError(f"--scans: expected names like {paths[0].name}, found {odd.name}", odd)
     keys = [_key(match) for match in matches]
-    _check_fractions(paths, matches)
+    if separators == {"."}:
+        _check_fractions(paths, [match[3] for match in matches])
     order = sorted(range(len(paths)), key=keys.__getitem__)
     for before, after in pairwise(order):
         if keys[before] == keys[after]:
@@ -99,6 +135,12 @@ def _numbered(paths: list[Path]) -> dict[int, Path]:
         ends = f"{paths[order[0]].name} to {paths[order[-1]].name}"
         raise InputError(
             f"--scans: {ends} are {span} frames, expected at most {MAX_SPAN}", paths[0].parent
+        )
+    if not counted and len(paths) > 2:
+        names = ", ".join(paths[i].name for i in order[:3])
+        note(
+            f"{paths[0].parent}: no scan follows another ({names}, ...), so that nothing can be "
+            "tracked over the gaps; if these are all scans, number them from 0 on"
         )
     return {int(keys[i][0]): paths[i] for i in order}
 
@@ -148,11 +190,14 @@ def _key(match: re.Match[str]) -> tuple:
     return (int(match[1]), int(match[3] or 0))
 
 
-def _check_fractions(paths: list[Path], matches: list[re.Match[str]]) -> None:
-    """Refuses seconds.nanoseconds without leading zeros, which do not sort as decimals."""
-    widths = [len(match[3] or "") for match in matches if match[2] == "."]
-    if len(set(widths)) > 1 and max(widths) >= _NANOSECONDS:
+def _check_fractions(paths: list[Path], digits: list[str]) -> None:
+    """Refuses fractions of a second without leading zeros, which do not sort as decimals.
+
+    Those of a float, such as 0.5 and 0.25, do; they never end in 0.
+    """
+    widths = [len(each) for each in digits]
+    whole = any(len(each) > 1 and each.endswith("0") for each in digits)
+    if len(set(widths)) > 1 and (whole or max(widths) >= _NANOSECONDS):
         odd = paths[widths.index(min(widths))]
-        raise InputError(
-            f"--scans: expected {_NANOSECONDS} digits after the point in every name", odd
-        )
+        expected = f"expected {max(widths)} digits after the point in every name"
+        raise InputError(f"--scans: {expected}, found {odd.name}", odd.parent)

@@ -33,6 +33,10 @@ def frames(folder, names):
         (["0016_000000.bin", "0016_000003.bin"], [0, 3]),
         (["2011-09-26-0000000007.bin", "2011-09-26-0000000010.bin"], [7, 10]),
         (["1317617735_250000000.bin", "1317617735_350000000.bin"], [0, 1]),
+        (["20110926130258.bin", "20110926130259.bin", "20110926130300.bin"], [0, 1, 2]),
+        (["20110926130259987.bin", "20110926130300087.bin"], [0, 1]),
+        (["20111326130258.bin", "20111326130259.bin"], [0, 1]),  # there is no month 13
+        (["12.5.bin", "12.25.bin", "13.0.bin"], [1, 0, 2]),  # floats as Python prints them
     ],
 )
 def test_order_is_by_number(tmp_path, names, numbers):
@@ -53,7 +57,11 @@ def test_order_is_by_number(tmp_path, names, numbers):
         (["0.bin", "999999.bin"], "0.bin to 999999.bin are 1000000 frames, expected at most"),
         (["\u0663.bin", "\u0664.bin"], "expected names that are numbers"),
         (["12.900000000.bin", "12.5.bin"], "expected 9 digits after the point"),
-        ([".000003.bin"], "found no .bin file"),
+        (["12.5.bin", "12.10.bin"], "expected 2 digits after the point .* found 12.5.bin"),
+        (["2011-09-26_13-02-25_9.bin", "2011-09-26_13-02-25_10.bin"], "expected 2 digits"),
+        ([".000003.bin"], r"found no \.bin file \(\.bin \.npy \.pcd \.ply\)$"),
+        (["0.csv", "1.csv", "a.txt"], r"found no .bin file .*, but 2 \.csv: convert them"),
+        (["0.bin.gz", "1.bin.gz"], r"found no .bin file .*, but 2 \.bin\.gz: unpack them"),
         (["0000_000001.bin", "0001_000000.bin"], "0001_000000.bin are of several sequences"),
     ],
 )
@@ -70,3 +78,24 @@ def test_the_first_of_large_frame_numbers_is_noted(tmp_path, capsys):
 def test_times_are_noted(tmp_path, capsys):
     frames(tmp_path, ["1317617735.25.bin", "1317617735.9.bin"])
     assert f"note: {tmp_path}: names are times; they give the order" in capsys.readouterr().err
+
+
+def test_folders_of_scans_below_are_named(tmp_path):
+    """As in KITTI's velodyne/0000/ and velodyne_points/data/."""
+    for name in ("0000", "0001"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "000000.bin").touch()
+    (tmp_path / "timestamps.txt").touch()
+    with pytest.raises(InputError, match="; there are scans in 0000/ and 1 others: give one"):
+        find_scans(tmp_path)
+    (tmp_path / "0000" / "000000.bin").unlink()
+    with pytest.raises(InputError, match="; there are scans in 0001/: give one such folder"):
+        find_scans(tmp_path)
+
+
+def test_scans_of_which_none_follows_another_are_noted(tmp_path, capsys):
+    assert list(frames(tmp_path, ["0.bin", "103.bin", "201.bin"])) == [0, 103, 201]
+    noted = capsys.readouterr().err
+    assert f"{tmp_path}: no scan follows another (0.bin, 103.bin, 201.bin, ...)" in noted
+    frames(tmp_path, ["202.bin"])
+    assert capsys.readouterr().err == ""
