@@ -35,6 +35,9 @@ _STEEP = 1.5  # the same to its narrower side; KITTI's is below 0.3
 _FLAT = 0.3  # ratio of the spread of road heights to that of objects on it; KITTI: 0.1
 _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KITTI's is -1.7
 _NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
+_BEHIND = -0.5  # metres, from the camera
+_RADIANS = np.pi + 0.2  # with the offset between scanner and camera
+_ASIDE = 3.0  # half a turn has a fifth of its points farther to the side than 3 times ahead
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
 MAX_PIXELS = 20_000
 """Of a side of an image: more than any camera has."""
@@ -165,6 +168,15 @@ def spreads_sideways(level: np.ndarray) -> bool:
     return low[0] < -1 and y > _SIDEWAYS * x
 
 
+def _is_polar(level: np.ndarray) -> bool:
+    """True where (n, 3) numbers look like range, azimuth and elevation, in radians or degrees."""
+    x, y, z = level.T
+    if x.min() < _BEHIND:
+        return False  # a range is positive
+    radians = np.abs(y).max() < _RADIANS and np.abs(z).max() < _RADIANS / 2 and np.ptp(x) > _RADIANS
+    return bool(radians or (np.abs(y) > _ASIDE * x).mean() > 0.5)
+
+
 def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
     """Refuses (n, 3) points that are not a street scene with z up; notes unlikely properties.
 
@@ -180,6 +192,8 @@ def _check_axes(level: np.ndarray, inside: np.ndarray) -> None:
     if z > _HIGH * max(x, y) or z > _STEEP * min(x, y):
         spread = f"{x:.1f} m ahead, {y:.1f} m to the sides and {z:.1f} m upwards"
         raise InputError(f"the points spread {spread}: {_EXPECTED}")
+    if _is_polar(level):
+        raise InputError(f"the points look like range, azimuth, elevation: {_EXPECTED}")
     near = inside[inside[:, 0] < _NEAR_ROAD]
     if len(near) < _FEW:
         return

@@ -10,6 +10,8 @@ from common.errors import InputError
 
 MAX_RANGE = 1000.0
 """Metres along an axis; points beyond it are measurement errors."""
+MAX_MEDIAN = 300.0
+"""Metres, of the ranges of a scan; KITTI's median is 9."""
 _INTENSITY = ("intensity", "i", "reflectance", "reflectivity", "scalar_intensity", "remission")
 _FEW = 20  # points
 _SHOWN = 12  # names in a message
@@ -28,7 +30,8 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
     masked values count as NaN. The intensity is not used and may be NaN.
 
     Raises:
-        InputError: another shape or type, no finite point, or more than half beyond `MAX_RANGE`.
+        InputError: another shape or type, no finite point, more than half beyond `MAX_RANGE`, or a
+            median beyond `MAX_MEDIAN`.
     """
     given, names = array, _column_names(array)
     if names is not None:
@@ -131,8 +134,12 @@ def _returns(points: np.ndarray) -> tuple[np.ndarray, int]:
     if far > near.sum():
         raise InputError(
             f"expected metres, found {far} of {len(points)} points beyond {MAX_RANGE:.0f} m "
-            "(--scan_scale reads files in other units)"
+            "(--scan_scale reads files in other units; the scanner is the origin)"
         )
+    if near.sum() > _FEW:
+        middle = np.median(np.linalg.norm(points[near, :3].astype(np.float64), axis=1))
+        if middle > MAX_MEDIAN:
+            raise InputError(f"expected metres from the scanner, found a median of {middle:.4g}")
     with np.errstate(over="ignore", invalid="ignore"):  # an intensity may be any number
         return points[near].astype(np.float32), len(points) - int(near.sum())
 

@@ -15,13 +15,16 @@ import numpy as np
 from common.errors import InputError
 
 KITTI_COLUMNS = ("x", "y", "z", "i")
-_CANDIDATES = (  # in order of preference: most columns first, since half of them may fit too
+_CANDIDATES = (  # those of most columns are preferred, since half of them may fit too
     ("x", "y", "z", "_", "i", "_", "_", "_"),  # PCL's PointXYZI in memory
     (*KITTI_COLUMNS, "ring", "t"),
     (*KITTI_COLUMNS, "t", "ring"),
     (*KITTI_COLUMNS, "ring"),
     (*KITTI_COLUMNS, "t"),
+    ("t", *KITTI_COLUMNS),
+    ("_", *KITTI_COLUMNS),  # the index of a batch
     KITTI_COLUMNS,
+    ("x", "y", "z", "a"),
     ("i", "x", "y", "z"),
     ("x", "y", "z"),
 )
@@ -38,6 +41,9 @@ _MAGIC = {
     b"LASF": "LAS file",
     b"\x89HDF": "HDF5 file",
 }
+_TEXT = re.compile(rb"[\t\n\r -~]{16,}")
+_PROBED = 400  # bytes
+_ORIGIN = "; the scanner is the origin"
 _SCALE = "; track.py --scan_scale "
 _DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])")
 _MILLIMETRES = 4000.0  # the median range of a scan is between 4 and 40 metres
@@ -101,6 +107,10 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     size = dtype.itemsize * len(columns)
     given = layout.columns is not None or layout.dtype is not None
     magic = "" if given else next((_MAGIC[key] for key in _MAGIC if data.startswith(key)), "")
+    if not given and _TEXT.fullmatch(data[:_PROBED]):
+        expected = "expected raw float32 numbers, found text"
+        way = 'numpy.loadtxt(FILE).astype("float32").tofile("000000.bin") converts it'
+        raise InputError(f"{expected}: {way}", path)
     if magic:
         raise InputError(f"expected raw float32 numbers, found a {magic} by another name", path)
     if not data or len(data) % size:
@@ -114,7 +124,7 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     points = named_columns(numbers, columns, layout.scale)
     seen = "" if given else _implausible(points)
     if seen:
-        hint = "" if _SCALE in seen else _hint(data)
+        hint = "" if _SCALE in seen or _ORIGIN in seen else _hint(data)
         expected = "expected float32 x,y,z in metres and an intensity"
         raise InputError(f"{expected}, found {seen}{hint}", path)
     return points
@@ -144,6 +154,9 @@ def _implausible(numbers: np.ndarray) -> str:
         return ""
     with np.errstate(invalid="ignore"):
         size = np.abs(xyz)
+        elsewhere = _elsewhere(xyz[np.isfinite(size).all(axis=1)])
+        if elsewhere:
+            return elsewhere
         strange = np.isfinite(xyz) & ((size > 1e6) | ((size > 0) & (size < 1e-12)))
         if strange.mean() > _STRAY:
             return f"{strange.mean():.0%} of the coordinates below 1e-12 or above 1e6"
@@ -160,6 +173,16 @@ def _implausible(numbers: np.ndarray) -> str:
             f"({outside.mean():.0%} outside 0 to {_MAX_INTENSITY:.0f})"
         )
     return ""
+
+
+def _elsewhere(xyz: np.ndarray) -> str:
+    """The fault of (n, 3) points that are far from the scanner, all to one side, as in a map."""
+    if not len(xyz):
+        return ""
+    low, middle, high = np.percentile(xyz[:, :2].astype(np.float64), (5, 50, 95), axis=0)
+    if np.hypot(*middle) < max(_FAR, *(high - low)):
+        return ""
+    return f"points around x = {middle[0]:.6g}, y = {middle[1]:.6g}{_ORIGIN}"
 
 
 def _hint(data: bytes) -> str:
@@ -182,7 +205,8 @@ def _plausible(data: bytes, candidates: Iterable[tuple[str, ...]]) -> list[tuple
                 with np.errstate(all="ignore"):
                     flatness = _flatness(numbers.astype(np.float64), columns)
                 if flatness < _FLAT:
-                    found.append((rank, flatness, name, ",".join(columns)))
+                    order = (-len(columns), round(flatness, 2), rank)
+                    found.append((*order, name, ",".join(columns)))
     return found
 
 

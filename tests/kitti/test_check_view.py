@@ -54,6 +54,17 @@ def test_a_scene_that_does_not_lie_is_refused(order, signs, message):
         check(street()[:, order] * signs)
 
 
+@pytest.mark.parametrize(
+    ("unit", "behind"), [(1.0, True), (1.0, False), (180 / np.pi, True)], ids=str
+)
+def test_polar_coordinates_are_refused(unit, behind):
+    x, y, z = (street() if behind else street()[street()[:, 0] > 1]).T
+    distance = np.sqrt(x * x + y * y + z * z)
+    polar = np.column_stack([distance, unit * np.arctan2(y, x), unit * np.arcsin(z / distance)])
+    with pytest.raises(InputError, match="the points look like range, azimuth, elevation"):
+        check(polar)
+
+
 @pytest.mark.parametrize("scale", [0.04, 10, 100])
 def test_another_unit_is_refused(scale):
     with pytest.raises(InputError, match=r"a median range of .* m: expected .* metres"):

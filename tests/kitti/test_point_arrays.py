@@ -44,6 +44,12 @@ def test_other_units_are_refused_with_the_flag():
         as_points(POINTS * 1000)
 
 
+def test_centimetres_are_refused():
+    """They would lie within 1000 m."""
+    with pytest.raises(InputError, match=r"expected metres from the scanner, found a median"):
+        as_points(POINTS * 20)
+
+
 def test_a_data_frame_is_read_by_the_names_of_its_columns():
     frame = pd.DataFrame(POINTS[:, [2, 3, 0, 1]], columns=["z", "intensity", "X", "y"])
     np.testing.assert_array_equal(as_points(frame)[0], POINTS.astype(np.float32))

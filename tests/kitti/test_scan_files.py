@@ -50,6 +50,9 @@ def pcl() -> np.ndarray:
         (np.column_stack([cloud(), times()]).astype("f4"), "x,y,z,i,t", "float32"),
         (np.column_stack([cloud(), ring(), times()]).astype("f4"), "x,y,z,i,ring,t", "float32"),
         (np.column_stack([cloud(), times(), ring()]).astype("f4"), "x,y,z,i,t,ring", "float32"),
+        (np.column_stack([times(), cloud()]).astype("f4"), "t,x,y,z,i", "float32"),
+        (cloud()[:, [3, 0, 1, 2]].astype("f4"), "i,x,y,z", "float32"),
+        ((cloud() * [1, 1, 1, -30]).astype("f4"), "x,y,z,a", "float32"),  # decibels
         (np.column_stack([cloud(), cloud()[:, :3]]).astype("f4"), "x,y,z,a,b,c,d", "float32"),
         (np.column_stack([cloud()[:, :3], times() + 1.5e9]).astype("f8"), "x,y,z,a", "float64"),
     ],
@@ -65,6 +68,16 @@ def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype
         points, dropped = read_points(path, ScanLayout(tuple(columns.split(",")), dtype))
         assert (points.dtype, dropped) == (np.float32, 0)
         np.testing.assert_array_equal(points[:, :3], cloud()[:count, :3])
+
+
+def test_points_of_a_map_are_refused(tmp_path):
+    np.add(cloud(), [450_000, 5_400_000, 100, 0]).astype("f4").tofile(tmp_path / "0.bin")
+    seen = r"found points around x = 4\d{5}, y = 5\.4e\+06; the scanner is the origin$"
+    with pytest.raises(InputError, match=seen):
+        read_points(tmp_path / "0.bin")
+    np.save(tmp_path / "0.npy", np.add(cloud(), [2000, 0, 0, 0]))
+    with pytest.raises(InputError, match="the scanner is the origin"):
+        read_points(tmp_path / "0.npy")
 
 
 def test_kittis_layout_is_read_with_any_intensity(tmp_path):
@@ -219,6 +232,8 @@ def test_damage_is_one_line(tmp_path, kind):
         ("0.npy", b"\x93NUMPY", "not a whole .npy file"),
         ("0.bin", b"\x93NUMPY" + bytes(122), "expected raw float32 numbers, found a .npy file"),
         ("0.bin", b"\x1f\x8b" + bytes(30), "found a gzip file by another name"),
+        ("0.bin", b"1.0 2.0 3.0 0.5\n" * 20, "found text: numpy.loadtxt"),
+        ("0.bin", b"x,y,z,intensity\r\n1,2,3,0\r\n", "found text: numpy.loadtxt"),
         ("0.ply", b"obj\n", "expected a header from ply to end_header"),
         ("0.ply", b"ply\nelement vertex 0\nend_header\n", "expected a format"),
         ("0.ply", b"ply\nformat ascii 2.0\nend_header\n", "unknown line in the header"),
