@@ -8,7 +8,8 @@ import numpy as np
 
 from common.errors import InputError
 from common.files import write_text
-from kitti.tables import read_lines
+from common.notes import note
+from kitti.calibration_text import read_keys, read_matrix
 
 LEVEL_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from x right, y down, z forward to x forward, y left, z up."""
@@ -22,14 +23,17 @@ _ALIASES = {
     "Tr_imu_velo": "Tr_imu_to_velo",
 }
 _WRITTEN = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")
-_SHAPES = dict.fromkeys((*_WRITTEN, "Tr"), (3, 4)) | {
+_WAYMO = "Tr_velo_to_cam_0"
+_SHAPES = dict.fromkeys((*_WRITTEN, "Tr", _WAYMO), (3, 4)) | {
     **{"R0_rect": (3, 3), "S_rect_02": (2, 1)},
     **{"R": (3, 3), "T": (3, 1)},
 }
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
 _MAX_NUMBER = 1e6  # metres, pixels
 _FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
-_MAX_OFFSET = 50.0  # metres between sensors of a car
+_BY_LOWER_CASE = {name.lower(): name for name in (*_SHAPES, *_ALIASES)}
+_SHOWN = 12  # keys in a message
+_MAX_OFFSET = 20.0  # metres between sensors of a car
 _ROTATION_TOLERANCE = 1e-2  # KITTI's own matrices are orthonormal to about 1e-7
 
 
@@ -104,34 +108,45 @@ def is_rotation(matrices: np.ndarray) -> np.ndarray:
 def read_calibration(path: str | Path) -> Calibration:
     """Reads a calibration of the tracking or the object benchmark, or of odometry.
 
-    Keys may have a colon and any of KITTI's spellings; other keys are ignored. P0, P1, P3,
+    Keys may be in any case and in any of KITTI's spellings; other keys are ignored. P0, P1, P3,
     Tr_imu_to_velo and S_rect_02 are optional. Odometry's `Tr` (Velodyne -> rectified camera 0)
-    replaces R0_rect and Tr_velo_to_cam, the raw data's `R` and `T` replace Tr_velo_to_cam.
+    replaces R0_rect and Tr_velo_to_cam, the raw data's `R` and `T` replace Tr_velo_to_cam, Waymo's
+    P0 and Tr_velo_to_cam_0 replace P2 and Tr_velo_to_cam.
 
     Raises:
         InputError: a key is missing or repeated, has a wrong number of values, a value is not a
             finite number, or a rotation matrix is invalid.
     """
     found: dict[str, np.ndarray] = {}
-    for number, line in enumerate(read_lines(path), 1):
-        words = line.replace(":", " ", 1).split()
-        name = words[0] if words else ""
+    others: list[str] = []
+    for number, key, words in read_keys(path):
+        name = _BY_LOWER_CASE.get(key.lower(), key)
         name = _ALIASES.get(name, name)
         if name not in _SHAPES:
+            others.append(key)
             continue
         if name in found:
             raise InputError(f"{name} is there twice, expected once", path, number)
-        found[name] = _matrix(name, words[1:], path, number)
+        found[name] = _matrix(name, words, path, number)
+    seen = [*found, *others]
+    if not found.get("Tr_imu_to_velo", np.ones(1)).any():
+        del found["Tr_imu_to_velo"]  # zeros of a converter that has none
     rotation, offset = found.pop("R", None), found.pop("T", None)
     if rotation is not None and offset is not None:
         found.setdefault("Tr_velo_to_cam", np.hstack([rotation, offset]))
+    front = found.pop(_WAYMO, None)
+    if front is not None and "P0" in found and "Tr_velo_to_cam" not in found:
+        note(f"{path}: the camera is number 0 (P0, {_WAYMO}), which looks ahead in Waymo's data")
+        _check_projection("P0", found["P0"], path)
+        found |= {"P2": found["P0"], "Tr_velo_to_cam": front}
     size, to_rectified = found.pop("S_rect_02", None), found.pop("Tr", None)
     if to_rectified is not None and "Tr_velo_to_cam" not in found:
         found |= {"R0_rect": np.eye(3), "Tr_velo_to_cam": to_rectified}
     missing = [name for name in _REQUIRED if name not in found]
     if missing:
         expected = f"expected {', '.join(_REQUIRED)} (or P2 and Tr)"
-        raise InputError(f"missing key {missing[0]}, {expected}", path)
+        names = ", ".join(key[:40] for key in seen[:_SHOWN]) + ", ..." * (len(seen) > _SHOWN)
+        raise InputError(f"missing key {missing[0]}, {expected}, found {names or 'none'}", path)
     return Calibration(
         **{name.lower(): matrix for name, matrix in found.items()},
         size=None if size is None else (round(float(size[0, 0])), round(float(size[1, 0]))),
@@ -139,16 +154,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndarray:
-    shape = _SHAPES[name]
-    if len(words) != shape[0] * shape[1]:
-        expected = shape[0] * shape[1]
-        raise InputError(f"{name}: expected {expected} numbers, found {len(words)}", path, line)
-    try:
-        matrix = np.array([np.nan if "_" in word else float(word) for word in words]).reshape(shape)
-    except ValueError as error:
-        raise InputError(f"{name}: expected numbers, {error}", path, line) from error
-    if not np.isfinite(matrix).all():
-        raise InputError(f"{name}: expected finite numbers", path, line)
+    matrix = read_matrix(name, words, _SHAPES[name], path, line)
     if np.abs(matrix).max() > _MAX_NUMBER:
         raise InputError(
             f"{name}: expected numbers of magnitude {_MAX_NUMBER:.0e} at most", path, line
@@ -158,9 +164,10 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
             raise InputError(f"{name}: expected width and height of 1 pixel at least", path, line)
         return matrix
     if name.startswith("P"):  # other projections are not used; converters write zeros
-        fault = _fault_of_projection(matrix) if name == "P2" else ""
-        if fault:
-            raise InputError(f"{name}: {fault}", path, line)
+        if name == "P2":
+            _check_projection(name, matrix, path, line)
+        return matrix
+    if name == "Tr_imu_to_velo" and not matrix.any():
         return matrix
     if name != "T" and not is_rotation(matrix[:, :3]):
         raise InputError(f"{name}: its left 3x3 block is not a rotation", path, line)
@@ -169,6 +176,14 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
         expected = f"expected an offset of at most {_MAX_OFFSET:.0f} metres"
         raise InputError(f"{name}: {expected}, found {offset}", path, line)
     return matrix
+
+
+def _check_projection(
+    name: str, matrix: np.ndarray, path: str | Path, line: int | None = None
+) -> None:
+    fault = _fault_of_projection(matrix)
+    if fault:
+        raise InputError(f"{name}: {fault}", path, line)
 
 
 def _fault_of_projection(matrix: np.ndarray) -> str:

@@ -39,6 +39,7 @@ _BEHIND = -0.5  # metres, from the camera
 _RADIANS = np.pi + 0.2  # with the offset between scanner and camera
 _ASIDE = 3.0  # half a turn has a fifth of its points farther to the side than 3 times ahead
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
+_CENTRAL = 0.2  # of the width and height
 MAX_PIXELS = 20_000
 """Of a side of an image: more than any camera has."""
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})", re.ASCII)
@@ -69,8 +70,10 @@ def describe_image_size(
             raise InputError(
                 f"--image_size: the calibration says {_text(calib.size)}, found {_text(given)}"
             )
+        _check_centre(calib, calib.size, "S_rect_02")
         return calib.size, "S_rect_02 of the calibration"
     if given is not None:
+        _check_centre(calib, given, "--image_size")
         return given, "--image_size"
     focal, cx, cy, other = (float(calib.p2[i]) for i in ((0, 0), (0, 2), (1, 2), (1, 1)))
     for f, x, y, width, height in _KITTI_CAMERAS:
@@ -88,6 +91,20 @@ def describe_image_size(
             "WIDTHxHEIGHT or S_rect_02 in the calibration"
         )
     return size, "twice the principal point of P2"
+
+
+def _check_centre(calib: Calibration, size: tuple[int, int], source: str) -> None:
+    """Notes a principal point far from the centre of the image.
+
+    Raises:
+        InputError: it is outside, and inside where width and height change places.
+    """
+    centre = np.array([calib.p2[0, 2], calib.p2[1, 2]])
+    place = f"the principal point ({centre[0]:g}, {centre[1]:g}) of P2"
+    if (centre > size).any() and (centre < size[::-1]).all():
+        raise InputError(f"{source}: {place} is outside {_text(size)}: expected WIDTHxHEIGHT")
+    if (np.abs(centre / size - 0.5) > _CENTRAL).any():
+        note(f"{source}: {place} is far from the centre of {_text(size)} pixels")
 
 
 def parse_image_size(text: str) -> tuple[int, int]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from common.errors import InputError
+from common.notes import note
 from kitti.calibration import Calibration, read_calibration, write_calibration
 from kitti.camera_view import image_size_of, parse_image_size
 
@@ -38,7 +39,7 @@ def test_both_files_of_the_raw_data_in_one(tmp_path):
     raw, new = read_calibration(tmp_path / "raw.txt"), read_calibration(tmp_path / "new.txt")
     np.testing.assert_array_equal(raw.level_from_velo, new.level_from_velo)
     (tmp_path / "raw.txt").write_text(f"{camera}R_rect_00: {EYE}\n{velo.replace('-0.27', '-270')}")
-    with pytest.raises(InputError, match=r"6: T: expected an offset of at most 50 metres"):
+    with pytest.raises(InputError, match=r"6: T: expected an offset of at most 20 metres"):
         read_calibration(tmp_path / "raw.txt")
 
 
@@ -92,6 +93,59 @@ def test_odometry_and_raw_data(tmp_path):
     assert read_calibration(tmp_path / "again.txt").size == (1200, 340)
 
 
+def test_notations_of_other_converters(tmp_path):
+    """Homogeneous matrices, commas and brackets, a row of a matrix in a line, other cases."""
+    p2, velo = (np.array(text.split(), float).reshape(3, 4) for text in (P, VELO))
+    last = "0 0 0 1"
+    texts = {
+        "4x4": f"P2: {P} {last}\nR0_rect: 1 0 0 0 0 1 0 0 0 0 1 0 {last}\n"
+        f"Tr_velo_to_cam: {VELO} {last}\n",
+        "3x4": f"P2: {P}\nR0_rect: 1 0 0 0 0 1 0 0 0 0 1 0\nTr_velo_to_cam: {VELO}\n",
+        "brackets": f"p2 = [{', '.join(P.split())}]\nr0_rect = [{EYE.replace(' ', ',')}]\n"
+        f"tr_velo_to_cam = [{VELO.replace(' ', ',')}]\n",
+        "rows": "\n".join(
+            f"{name}:\n" + "\n".join(" ".join(map(str, row)) for row in matrix)
+            for name, matrix in (("P2", p2), ("R0_rect", np.eye(3)), ("Tr_velo_to_cam", velo))
+        ),
+        "zeros": f"P2: {P}\nR0_rect: {EYE}\nTr_velo_to_cam: {VELO}\nTr_imu_to_velo: {'0 ' * 12}",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        calib = read_calibration(tmp_path / name)
+        np.testing.assert_array_equal(calib.p2, p2)
+        np.testing.assert_array_equal(calib.r0_rect, np.eye(3))
+        np.testing.assert_array_equal(calib.tr_velo_to_cam, velo)
+        assert calib.tr_imu_to_velo is None
+    (tmp_path / "k").write_text(texts["3x4"].replace(P, "700 0 600 0 700 170 0 0 1"))
+    expected = [[700, 0, 600, 0], [0, 700, 170, 0], [0, 0, 1, 0]]
+    np.testing.assert_array_equal(read_calibration(tmp_path / "k").p2, expected)
+
+
+def test_a_principal_point_far_from_the_centre(capsys):
+    note.cache_clear()
+    camera = _camera(721.5377, 609.5593, 172.854)
+    with pytest.raises(InputError, match=r"--image_size: .* is outside 375x1242: expected W"):
+        image_size_of(camera, (375, 1242))
+    with pytest.raises(InputError, match="S_rect_02: the principal point"):
+        image_size_of(_camera(700, 600, 170, size=(340, 1200)))
+    assert capsys.readouterr().err == ""
+    for size in ((2484, 750), (600, 375)):
+        assert image_size_of(camera, size) == size
+        seen = f"(609.559, 172.854) of P2 is far from the centre of {size[0]}x{size[1]} pixels"
+        assert seen in capsys.readouterr().err
+
+
+def test_waymos_front_camera_is_number_0(tmp_path, capsys):
+    side, velo = P.replace("700", "500"), "0 -1 0 0 0 0 -1 0 1 0 0 -1.5"
+    lines = [f"P0: {P}", *(f"P{i}: {side}" for i in (1, 2, 3, 4)), f"R0_rect: {EYE}"]
+    lines += [f"Tr_velo_to_cam_{i}: {VELO if i else velo}" for i in range(5)]
+    (tmp_path / "c.txt").write_text("\n".join(lines))
+    calib = read_calibration(tmp_path / "c.txt")
+    np.testing.assert_array_equal(calib.p2.ravel(), np.array(P.split(), float))
+    np.testing.assert_array_equal(calib.tr_velo_to_cam.ravel(), np.array(velo.split(), float))
+    assert "c.txt: the camera is number 0 (P0, Tr_velo_to_cam_0)" in capsys.readouterr().err
+
+
 def _camera(focal, cx, cy, size=None):
     p2 = np.array([[focal, 0, cx, 0], [0, focal, cy, 0], [0, 0, 1, 0.0]])
     return Calibration(p2=p2, r0_rect=np.eye(3), tr_velo_to_cam=np.eye(4)[:3], size=size)
@@ -134,7 +188,16 @@ def _without(key):
         (_without("P2"), None, "missing key P2"),
         (_without("R0"), None, "missing key R0_rect"),
         (_without("Tr_velo"), None, "missing key Tr_velo_to_cam"),
-        ("", None, "missing key P2"),
+        ("", None, "missing key P2.*, found none"),
+        (NEW.replace("P2", "P_2"), None, "missing key P2, .*, found P0, .*, P_2"),
+        (NEW.replace("velo_to_cam", "velo_to_cam_1"), None, "missing .*, Tr_velo_to_cam_1$"),
+        (
+            NEW.replace("velo_to_cam", "velo_to_cam_0").replace(f"P0: {P}", "P0:" + 12 * " 0"),
+            None,
+            "P0: expected focal lengths",
+        ),
+        (NEW.replace(VELO, VELO + " 0 0 0 2"), 6, "expected 12 numbers, found 16"),
+        (NEW.replace(EYE, "1 0 0 5 0 1 0 0 0 0 1 0"), 5, "R0_rect: expected 9 numbers, found 12"),
         (NEW.replace(EYE, EYE[:-2]), 5, "R0_rect: expected 9 numbers, found 8"),
         (NEW.replace(VELO, VELO + " 1"), 6, "expected 12 numbers, found 13"),
         (NEW.replace("-0.27", "x"), 6, "Tr_velo_to_cam: expected numbers"),
@@ -151,7 +214,7 @@ def _without(key):
             "expected rows f 0 cx tx, 0 f cy ty, 0 0 1 tz",
         ),
         (NEW.replace(P, "9" + P[3:]), 3, "expected focal lengths"),
-        (NEW.replace("-0.27", "-270"), 6, "expected an offset of at most 50 metres"),
+        (NEW.replace("-0.27", "-270"), 6, "expected an offset of at most 20 metres"),
         (NEW.replace("-0.27", "-0_27"), 6, "expected finite numbers"),
         (NEW.replace("-0.27", "1e308"), 6, "expected numbers of magnitude 1e.06 at most"),
         (NEW + "S_rect_02: 0 375\n", 8, "expected width and height of 1 pixel at least"),
