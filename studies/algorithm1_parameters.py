@@ -42,7 +42,12 @@ class Trial:
 
 
 TRIALS = (
-    *(Trial(noise, {"tau": tau}) for noise in (0.0, 0.5) for tau in (0.01, 0.05, 0.1, 0.2, 0.3)),
+    *(
+        Trial(noise, {"similarity": name, "tau": tau})
+        for noise in (0.0, 0.5, 1.0)
+        for name, taus in (("iou_3d", (0.01, 0.1, 0.3)), ("giou_3d", (-0.6, -0.4, -0.2, 0.0)))
+        for tau in taus
+    ),
     *(Trial(0.2, {"max_age": age}) for age in (0, 1, 3, 5, 10)),
     *(Trial(0.2, {"max_age": age, "report_lost": True}) for age in (1, 3)),
     *(Trial(0.2, {"min_hits": hits}) for hits in (2, 3)),

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.errors import InputError
-from kitti.iou import giou_3d, iou_3d
 from tracking.frame_detections import FrameDetections, checked_rows
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.kalman_box import KalmanBox, Noise
 from tracking.kalman_tracker import KalmanTracker
 from tracking.life_cycle import Track
-
-SIMILARITY = {"iou_3d": iou_3d, "giou_3d": giou_3d}
+from tracking.similarity import SIMILARITY, check_similarity
 
 
 @dataclass(frozen=True)
@@ -30,8 +27,7 @@ class Ab3dmotParameters:
     noise: Noise = Noise()  # section III.B and the authors' setting
 
     def __post_init__(self):
-        if self.similarity not in SIMILARITY:
-            raise InputError(f"expected one of {sorted(SIMILARITY)}, found {self.similarity!r}")
+        check_similarity(self.similarity)
 
 
 class Ab3dmot(KalmanTracker):

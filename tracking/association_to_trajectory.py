@@ -1,7 +1,8 @@
 """Algorithm 1 of the paper, "Association to Trajectory" (section III.4).
 
 The boxes of frame t-1 are moved by the displacement of the points inside them and matched to the
-boxes of frame t by IoU. The displacement is the network's prediction (`pointtracknet`), or the
+boxes of frame t by IoU, here the generalised one (GIoU), which also ranks boxes that do not
+overlap. The displacement is the network's prediction (`pointtracknet`), or the
 labels' motion (`gt_displacement`, the paper's "gt_tracking" upper bound).
 """
 
@@ -11,13 +12,15 @@ import numpy as np
 
 from common.errors import InputError
 from kitti.boxes import points_in_boxes
-from kitti.iou import iou_3d
 from tracking.assignment import greedy
 from tracking.frame_detections import FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.life_cycle import LifeCycle, Track
+from tracking.similarity import SIMILARITY, check_similarity
 
 FOREGROUND = 0.5  # least probability of a foreground point
+TAU = {"iou_3d": 0.01, "giou_3d": -0.4}
+"""Least similarity of a match where no tau is given: chosen on training sequences."""
 
 
 @dataclass(frozen=True)
@@ -27,19 +30,29 @@ class AssociationParameters:
     Chosen on training sequences, see the tables in README.md of this folder.
     """
 
-    tau: float = 0.01  # a match has more IoU; the noisier the displacement, the lower is better
+    similarity: str = "giou_3d"  # Algorithm 1: iou_3d; a displacement may miss by more than a car
+    tau: float | None = None  # a match has more similarity; None: TAU
     max_age: int = 5  # frames that a lost object is kept: "short term disappearance" (section IV.E)
     min_hits: int = 1  # detections before a trajectory is reported; Algorithm 1 has no probation
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
     report_lost: bool = False  # report the moved box of a lost object; costs 0.2 of MOTA or more
 
     def __post_init__(self):
-        for name, least, most in (("tau", 0, 1), ("max_age", 0, np.inf), ("min_hits", 1, np.inf)):
-            value = getattr(self, name)
+        check_similarity(self.similarity)
+        for name, value, least, most in (
+            ("tau", self.min_similarity, -1, 1),
+            ("max_age", self.max_age, 0, np.inf),
+            ("min_hits", self.min_hits, 1, np.inf),
+        ):
             if not least <= value <= most:
                 raise InputError(f"{name}: expected {least} to {most}, found {value}")
         if np.isnan(self.min_start_score):
             raise InputError("min_start_score: expected a number, found nan")
+
+    @property
+    def min_similarity(self) -> float:
+        """tau of the paper, in terms of `similarity`."""
+        return TAU[self.similarity] if self.tau is None else self.tau
 
 
 @dataclass
@@ -68,10 +81,10 @@ class AssociationToTrajectory:
         p, previous = self.parameters, self.life.tracks
         # lines 5-8: each B^{t-1} is moved by the mean displacement of its points
         moved = self._move(detections, context)
-        # lines 9-12: the pairs of largest IoU above tau, largest first so that it is one-to-one;
+        # lines 9-12: the pairs of largest (G)IoU above tau, largest first so that it is one-to-one;
         # lines 13-15: the unmatched boxes of t-1 and of t
-        iou = iou_3d(moved, boxes)
-        matching = greedy(np.where(iou > p.tau, -iou, np.inf), 0.0)
+        similarity = SIMILARITY[p.similarity](moved, boxes)
+        matching = greedy(np.where(similarity > p.min_similarity, -similarity, np.inf), 1.0)
         # line 16: update the trajectories
         for row, column in matching.pairs:
             previous[row].state.box = boxes[column]

@@ -54,7 +54,7 @@ def test_without_displacement_the_same_jump_is_a_new_object():
 
 def test_the_larger_iou_wins_a_conflict():
     # both old boxes prefer the new box at 1.0: IoU of a 1.0 m shift 3/5, of a 0.4 m shift 3.6/4.4
-    tracker = make_tracker("pointtracknet", tau=0.1)
+    tracker = make_tracker("pointtracknet_iou", tau=0.1)
     step(tracker, cars(0.0, 1.4))
     tracks = step(tracker, cars(1.0))
     assert tracks.ids.tolist() == [1]
@@ -64,18 +64,36 @@ def test_the_larger_iou_wins_a_conflict():
     assert tracks.detections.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize(("shift", "matched"), [(1.9, True), (2.1, False)])
-def test_a_match_has_an_iou_above_tau(shift, matched):
-    # shift s along 4 m: IoU (4 - s) / (4 + s); 2.1 / 5.9 = 0.356, 1.9 / 6.1 = 0.311
-    tracker = make_tracker("pointtracknet", tau=1.0 / 3.0)
+@pytest.mark.parametrize(
+    ("name", "parameters", "shift", "matched"),
+    [
+        # shift s along 4 m: IoU and GIoU (4 - s) / (4 + s), the IoU of boxes apart is 0
+        ("pointtracknet_iou", {"tau": 1.0 / 3.0}, 1.9, True),  # 2.1 / 5.9 = 0.356
+        ("pointtracknet_iou", {"tau": 1.0 / 3.0}, 2.1, False),  # 1.9 / 6.1 = 0.311
+        ("pointtracknet_iou", {}, 3.9, True),  # 0.1 / 7.9 = 0.0127
+        ("pointtracknet_iou", {}, 3.95, False),  # 0.05 / 7.95 = 0.0063
+        ("pointtracknet", {}, 9.2, True),  # -5.2 / 13.2 = -0.394
+        ("pointtracknet", {}, 9.5, False),  # -5.5 / 13.5 = -0.407
+        ("pointtracknet", {"tau": -1.0}, 90.0, True),
+    ],
+)
+def test_a_match_has_a_similarity_above_tau(name, parameters, shift, matched):
+    tracker = make_tracker(name, **parameters)
     step(tracker, cars(0.0))
     assert (step(tracker, cars(shift)).ids.tolist() == [0]) == matched
 
 
 def test_boxes_apart_never_match_even_with_a_tau_of_0():
-    tracker = make_tracker("pointtracknet", tau=0.0)
+    tracker = make_tracker("pointtracknet_iou", tau=0.0)
     step(tracker, cars(0.0))
     assert step(tracker, cars(4.5)).ids.tolist() == [1]
+
+
+def test_boxes_that_overlap_come_before_those_apart():
+    """A displacement off by 6 m and one off by 1 m compete for a box; the other box is left."""
+    tracker = make_tracker("pointtracknet")
+    step(tracker, cars(-6.0, 1.0))
+    assert step(tracker, cars(0.0, -12.0)).detections.tolist() == [1, 0]
 
 
 def test_a_lost_object_repeats_its_last_displacement():
@@ -186,7 +204,15 @@ def test_background_points_do_not_slow_a_box_down():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("tau", np.nan), ("tau", 1.1), ("max_age", -1), ("min_hits", 0), ("min_start_score", np.nan)],
+    [
+        ("tau", np.nan),
+        ("tau", 1.1),
+        ("tau", -1.1),
+        ("similarity", "iou"),
+        ("max_age", -1),
+        ("min_hits", 0),
+        ("min_start_score", np.nan),
+    ],
 )
 def test_parameters_out_of_range_are_refused(name, value):
     with pytest.raises(InputError, match=f"{name}: expected"):
