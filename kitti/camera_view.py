@@ -37,6 +37,7 @@ _ROAD = (-3.0, -0.8)  # metres, usual height of the road in the level frame; KIT
 _NEAR_ROAD = 60.0  # metres ahead; farther, a slope counts
 _BEHIND = -0.5  # metres, from the camera
 _RADIANS = np.pi + 0.2  # with the offset between scanner and camera
+_DEEP = 20.0  # metres between the nearest and the farthest point, more than a part of a scan has
 _ASIDE = 3.0  # half a turn has a fifth of its points farther to the side than 3 times ahead
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
 _CENTRAL = 0.2  # of the width and height
@@ -190,7 +191,7 @@ def _is_polar(level: np.ndarray) -> bool:
     x, y, z = level.T
     if x.min() < _BEHIND:
         return False  # a range is positive
-    radians = np.abs(y).max() < _RADIANS and np.abs(z).max() < _RADIANS / 2 and np.ptp(x) > _RADIANS
+    radians = np.abs(y).max() < _RADIANS and np.abs(z).max() < _RADIANS / 2 and np.ptp(x) > _DEEP
     return bool(radians or (np.abs(y) > _ASIDE * x).mean() > 0.5)
 
 

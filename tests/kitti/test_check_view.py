@@ -65,6 +65,10 @@ def test_polar_coordinates_are_refused(unit, behind):
         check(polar)
 
 
+def test_the_points_of_one_car_are_not_polar():
+    check(np.random.default_rng(0).uniform((5, -3, -1.6), (9, 3, 0), (300, 3)))
+
+
 @pytest.mark.parametrize("scale", [0.04, 10, 100])
 def test_another_unit_is_refused(scale):
     with pytest.raises(InputError, match=r"a median range of .* m: expected .* metres"):
