@@ -19,7 +19,7 @@ from evaluation.scene import Scene, open_scenes
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
 from kitti.seqmap import parse_sequences
-from kitti.tables import text_file
+from kitti.tables import sequence_file
 from visualization.animation import animate
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
@@ -89,7 +89,7 @@ def open_scene(args: argparse.Namespace, distance: float) -> Scene:
 
 def read_tracks(scene: Scene, folder: Path) -> Objects:
     """The result rows of a scene in a folder of result files."""
-    return scene.sequence.read_results(text_file(folder, scene.name))
+    return scene.sequence.read_results(sequence_file(folder, scene.name))
 
 
 def make_clip(args: argparse.Namespace, distance: float, results: Path) -> Clip:

@@ -34,7 +34,7 @@ from evaluation.tracking_loop import track_scene
 from kitti.labels import write_results
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
-from kitti.tables import text_file
+from kitti.tables import sequence_file
 from metrics.comparison import track_scores
 from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
@@ -195,7 +195,7 @@ def _remove_others(out: Path, kept: Collection[str]) -> None:
 
 
 def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
-    return {s.name: s.sequence.read_results(text_file(folder, s.name)) for s in scenes}
+    return {s.name: s.sequence.read_results(sequence_file(folder, s.name)) for s in scenes}
 
 
 def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:

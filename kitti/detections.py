@@ -21,7 +21,7 @@ from kitti.labels import (
     sorted_by_frame,
 )
 from kitti.objects import CLASSES, Objects, class_name
-from kitti.tables import columns_of, read_lines, read_table, text_file
+from kitti.tables import Table, columns_of, read_lines, read_table, sequence_file
 
 DETECTION_COLUMNS = 15
 OBJECT_COLUMNS = (15, 16, 17)
@@ -30,7 +30,7 @@ and optionally a score; AB3DMOT's tracks have an id behind it, which is not used
 DETECTION_TYPES = {1: "Pedestrian", 2: "Car", 3: "Cyclist"}
 """Type numbers of AB3DMOT's detection files."""
 _EXPECTED = (
-    f"expected {DETECTION_COLUMNS} columns (AB3DMOT: frame, type number, ...), {LABEL_COLUMNS} or "
+    f"expected {DETECTION_COLUMNS} columns (AB3DMOT: frame, type, ...), {LABEL_COLUMNS} or "
     f"{RESULT_COLUMNS} (KITTI results: frame, id, class, ...)"
 )
 _FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
@@ -41,7 +41,7 @@ def read_detection_folder(
 ) -> Objects:
     """The detections of sequence `name` in a folder.
 
-    They are in `folder/NAME.txt`, in AB3DMOT's layout or as KITTI results, or in files
+    They are in the file of `sequence_file`, in AB3DMOT's layout or as KITTI results, or in files
     `000000.txt`, a frame each, in the object benchmark's layout, below `folder/NAME/`,
     `folder/NAME/data/`, or, where `alone`, `folder/` or `folder/data/`.
 
@@ -54,7 +54,7 @@ def read_detection_folder(
     Raises:
         InputError: no such file, or as `read_detections` and `read_object_detections`.
     """
-    path = text_file(Path(folder), name)
+    path = sequence_file(folder, name)
     if os.path.lexists(path):
         return read_detections(path, num_frames)
     for parent in (Path(folder) / name, *([Path(folder)] if alone else [])):
@@ -71,7 +71,8 @@ def read_detection_folder(
 def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
     """Reads detections in AB3DMOT's layout, or those of a KITTI result file; empty means none.
 
-    The number of columns tells which. AB3DMOT's 15: frame, type number, x1, y1, x2, y2, score, h,
+    The number of columns tells which. AB3DMOT's 15: frame, type number
+    (or class), x1, y1, x2, y2, score, h,
     w, l, x, y, z, ry, alpha. Track ids are -1.
 
     Raises:
@@ -90,15 +91,11 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
             hint = f"; a file without frame numbers is one frame: {Path(path).stem}/000000.txt"
         found = f"found {len(columns)}: {columns[0]} ..."
         raise InputError(f"{_EXPECTED}, {found}{hint}", path, first + 1)
-    table = read_table(path, (DETECTION_COLUMNS,))
+    named = len(columns) > 1 and columns[1].strip().isidentifier()
+    table = read_table(path, (DETECTION_COLUMNS,), 1 if named else None)
     frame = frames_of(table, num_frames)
-    number = table.integers(1, "type number")
-    known = " ".join(f"{key} ({name})" for key, name in DETECTION_TYPES.items())
-    table.refuse(
-        ~np.isin(number, list(DETECTION_TYPES)), f"column 2: expected one of the types {known}"
-    )
+    kind = known_classes(table, 1) if named else _numbered_classes(table)
     values = table.numbers(2, DETECTION_COLUMNS)
-    kind = np.array([DETECTION_TYPES.get(key, "") for key in range(4)])[number]
     check_boxes(table, values[:, 5:12], kind, np.ones(len(table), bool), 8)
     refuse_magnitudes(table, np.delete(values, 4, axis=1), values[:, 4])
     return sorted_by_frame(
@@ -114,6 +111,15 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
             score=values[:, 4],
         )
     )
+
+
+def _numbered_classes(table: Table) -> np.ndarray:
+    number = table.integers(1, "type number")
+    known = " ".join(f"{key} ({name})" for key, name in DETECTION_TYPES.items())
+    table.refuse(
+        ~np.isin(number, list(DETECTION_TYPES)), f"column 2: expected one of the types {known}"
+    )
+    return np.array([DETECTION_TYPES.get(key, "") for key in range(4)])[number]
 
 
 def read_object_detections(folder: str | Path, num_frames: int | None = None) -> Objects:

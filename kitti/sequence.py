@@ -11,14 +11,19 @@ import numpy as np
 
 from common.errors import InputError
 from common.notes import note
+from kitti.boxes import project_boxes
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
 from kitti.camera_view import image_size_of, in_camera_view
 from kitti.detections import read_detection_folder
+from kitti.iou import iou_2d_pairs
 from kitti.labels import MAX_FRAMES, MAX_NUMBER, Limit, read_labels, read_results
 from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan
 from kitti.seqmap import check_subset, find_seqmap, sequence_name
 from kitti.tables import read_table, text_file
+
+_FEW_BOXES = 10  # fewer do not tell
+_LEAST_OVERLAP = 0.4  # median, of boxes in 2-D and 3-D; KITTI's labels have 0.7 to 0.98
 
 
 class KittiSequence:
@@ -44,7 +49,9 @@ class KittiSequence:
         self.name = sequence_name(seq)
         self.folder = self.data_root / subset
         if not self.folder.is_dir():
-            raise InputError(f"expected a folder {subset}/ in KITTI's layout", self.data_root)
+            inside = (self.data_root / "label_02").is_dir() and self.data_root.name == subset
+            hint = ": give the folder above this one" if inside else ""
+            raise InputError(f"expected a folder {subset}/ in KITTI's layout{hint}", self.data_root)
         if self.subset == "training" and not self.label_path.exists():
             raise InputError(f"sequence {self.name} has no label file", self.label_path)
 
@@ -102,7 +109,11 @@ class KittiSequence:
     @cached_property
     def calib(self) -> Calibration:
         """The sequence's calibration."""
-        return read_calibration(self.folder / "calib" / f"{self.name}.txt")
+        return read_calibration(self._calib_path)
+
+    @property
+    def _calib_path(self) -> Path:
+        return self.folder / "calib" / f"{self.name}.txt"
 
     @cached_property
     def image_size(self) -> tuple[int, int]:
@@ -120,11 +131,31 @@ class KittiSequence:
 
     def read_results(self, path: str | Path) -> Objects:
         """A tracker's result file of this sequence, see `kitti.labels.read_results`."""
-        return self._in_frames(read_results(path, self._limit), path)
+        rows = self._in_frames(read_results(path, self._limit), path)
+        return self._compared(rows, path)
 
     def read_detections(self, folder: str | Path, alone: bool = False) -> Objects:
         """The sequence's detections in a folder, see `kitti.detections.read_detection_folder`."""
-        return self._in_frames(read_detection_folder(folder, self.name, self._limit, alone), folder)
+        rows = read_detection_folder(folder, self.name, self._limit, alone)
+        return self._compared(self._in_frames(rows, folder), folder)
+
+    def _compared(self, rows: Objects, path: str | Path) -> Objects:
+        """The rows; notes 3-D boxes that do not project to the 2-D boxes beside them."""
+        if not self._calib_path.is_file():
+            return rows  # 2-D metrics need none
+        given = (rows.bbox[:, 2:] > rows.bbox[:, :2]).all(axis=1) & ~np.isnan(rows.boxes[:, 0])
+        rows_given = rows[given]
+        if len(rows_given) < _FEW_BOXES:
+            return rows
+        projected = project_boxes(rows_given.boxes, self.calib, self.image_size)
+        overlap = np.median(iou_2d_pairs(projected, rows_given.bbox))
+        if overlap < _LEAST_OVERLAP:
+            note(
+                f"{path}: the 3-D boxes do not project to the 2-D boxes (median IoU "
+                f"{overlap:.2f}): expected x y z of the bottom's centre in the rectified camera 0 "
+                "(right, down, ahead), and the calibration of this sequence"
+            )
+        return rows
 
     def check_scans(self) -> None:
         """Raises InputError if no frame has a scan: a wrong folder, or files of other names."""

@@ -129,6 +129,15 @@ def text_file(folder: Path, name: str) -> Path:
     return packed if packed.exists() and not os.path.lexists(path) else path
 
 
+def sequence_file(folder: str | Path, name: str) -> Path:
+    """`folder/NAME.txt`, packed or not, or where that is missing in `data/` or `data_0/` below it.
+
+    TrackEval keeps results in `data/`, AB3DMOT in `data_0/`.
+    """
+    places = [text_file(Path(folder) / below, name) for below in ("", "data", "data_0")]
+    return next((path for path in places if os.path.lexists(path)), places[0])
+
+
 def columns_of(line: str) -> list[str]:
     """The columns of a line, between commas if it has one, else between white space."""
     return line.split(_separator(line))

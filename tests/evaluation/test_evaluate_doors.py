@@ -110,6 +110,55 @@ def test_detections_per_frame_give_the_tracks_of_those_per_sequence(root, tmp_pa
     assert texts[0] == texts[1] != ""
 
 
+@pytest.mark.parametrize("below", ["data", "data_0"])
+def test_results_and_detections_below_are_found(root, tmp_path, below):
+    """TrackEval keeps result files in data/, AB3DMOT in data_0/."""
+    whole = run(root, tmp_path / "whole")
+    folder = tmp_path / "theirs" / below
+    shutil.copytree(tmp_path / "whole" / "tracks", folder)
+    again = run(root, tmp_path / "again", "--results", folder.parent)
+    assert again["clear3d"] == whole["clear3d"]
+    shutil.copy(root / "detections" / "0000.txt", folder)
+    run(root, tmp_path / "b", "--tracker", "sort", "--detections", folder.parent)
+    run(root, tmp_path / "c", "--tracker", "sort", "--detections", root / "detections")
+    texts = [(tmp_path / name / "tracks" / "0000.txt").read_text() for name in "bc"]
+    assert texts[0] == texts[1] != ""
+
+
+def changed(root, change) -> str:
+    """The detections of sequence 0000 with other x y z ry, by h and these."""
+    lines = []
+    for line in (root / "detections" / "0000.txt").read_text().splitlines():
+        words = line.split(",")
+        words[10:14] = map(str, change(float(words[7]), *map(float, words[10:14])))
+        lines.append(",".join(words) + "\n")
+    return "".join(lines)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda h, x, y, z, ry: (z, -x, h / 2 - y, -ry - np.pi / 2),  # scanner's
+        lambda h, x, y, z, ry: (x, y - h / 2, z, ry),  # centre, not bottom
+        lambda h, x, y, z, ry: (x + 5, y, z, ry),  # of another calibration
+    ],
+)
+def test_boxes_of_another_frame_are_noted(root, tmp_path, capsys, change):
+    argv = ("--tracker", "sort", "--detections", root / "detections")
+    run(root, tmp_path / "a", *argv)
+    assert "note" not in capsys.readouterr().err
+    path = root / "detections" / "0000.txt"
+    path.write_text(changed(root, change))
+    run(root, tmp_path / "a", *argv)
+    seen = f"{path.parent}: the 3-D boxes do not project to the 2-D boxes (median IoU 0."
+    assert seen in capsys.readouterr().err
+
+
+def test_the_folder_of_the_subset_is_not_the_root(root, tmp_path, fails):
+    given = ("--seqs", "0000", "--out", tmp_path / "a", "--data_root", root / "training")
+    assert "expected a folder training/ in KITTI's layout: give the folder above" in fails(*given)
+
+
 @pytest.mark.parametrize("protocol", ["kitti2d", "kitti3d", "hota"])
 def test_pedestrians_are_evaluated_and_other_classes_refused(root, tmp_path, fails, protocol):
     labels = root / "training" / "label_02" / "0000.txt"

@@ -96,6 +96,18 @@ def test_columns_may_be_between_commas_or_white_space(kitti_folder, separator):
     assert KittiSequence(root, 0).objects.type.tolist() == ["Car", "Car"]
 
 
+def test_types_may_be_names(kitti_folder):
+    root = kitti_folder([label_row(0, 0), label_row(3, 0)])
+    (root / "0000.txt").write_text(
+        AB3DMOT.replace("2,2,", "2,car,") + AB3DMOT.replace("2,2,", "3,Van,")
+    )
+    found = KittiSequence(root, 0).read_detections(root)
+    assert (found.frame.tolist(), found.type.tolist()) == ([2, 3], ["Car", "Van"])
+    (root / "0000.txt").write_text(AB3DMOT.replace("2,2,", "2,bus,"))
+    with pytest.raises(InputError, match=r":1: column 2: unknown class 'bus', expected one of Car"):
+        KittiSequence(root, 0).read_detections(root)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
