@@ -193,8 +193,10 @@ def by_frame(objects: Objects, frames: range) -> Iterator[FrameDetections]:
 
 
 def note_other_classes(folder: str | Path, rows: Objects, classes: Sequence[str]) -> None:
-    """Notes boxes of files that are all of other classes than those that are evaluated."""
-    if len(rows) and not len(rows.of_classes(classes)):
+    """Notes files without any box, or with boxes of other classes than those evaluated alone."""
+    if not len(rows):
+        note(f"{folder}: there is no box in it")
+    elif not len(rows.of_classes(classes)):
         found = ", ".join(sorted(set(rows.type.tolist())))
         note(f"{folder}: no box is of --classes {','.join(classes)}, all are {found}")
 

@@ -62,6 +62,9 @@ def evaluate(
     if config.out is not None:
         _check_inputs_stay(config, scenes)
         check_writable(config.out)
+    if config.subset == "training":
+        labels = Objects.concatenate(scene.sequence.objects for scene in scenes)
+        note_other_classes(config.data_root, labels, config.classes)
     results, least = _results(config, scenes, provider)
     metrics = score(config, scenes, results)
     thresholds = {"min_box_score": config.min_box_score, "min_track_score": least}
@@ -195,7 +198,11 @@ def _remove_others(out: Path, kept: Collection[str]) -> None:
 
 
 def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
-    return {s.name: s.sequence.read_results(sequence_file(folder, s.name)) for s in scenes}
+    paths = {scene.name: sequence_file(folder, scene.name) for scene in scenes}
+    for name, path in paths.items():
+        if not os.path.lexists(path):
+            raise InputError(f"expected a result file {name}.txt for each of --seqs", folder)
+    return {s.name: s.sequence.read_results(paths[s.name]) for s in scenes}
 
 
 def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:

@@ -129,12 +129,15 @@ def text_file(folder: Path, name: str) -> Path:
     return packed if packed.exists() and not os.path.lexists(path) else path
 
 
-def sequence_file(folder: str | Path, name: str) -> Path:
-    """`folder/NAME.txt`, packed or not, or where that is missing in `data/` or `data_0/` below it.
+_BELOW = ("data", "data_0", "tracks")
 
-    TrackEval keeps results in `data/`, AB3DMOT in `data_0/`.
+
+def sequence_file(folder: str | Path, name: str) -> Path:
+    """`folder/NAME.txt`, packed or not, or where that is missing the same in a folder below it.
+
+    TrackEval keeps results in `data/`, AB3DMOT in `data_0/`, evaluate.py in `tracks/`.
     """
-    places = [text_file(Path(folder) / below, name) for below in ("", "data", "data_0")]
+    places = [text_file(Path(folder) / below, name) for below in ("", *_BELOW)]
     return next((path for path in places if os.path.lexists(path)), places[0])
 
 

@@ -10,6 +10,7 @@ import pytest
 from helpers import tiny_kitti
 
 import evaluate
+from common.notes import note
 from kitti.boxes import camera_from_level
 from kitti.labels import read_labels, read_results, write_labels
 from kitti.seqmap import SEQMAP
@@ -110,9 +111,9 @@ def test_detections_per_frame_give_the_tracks_of_those_per_sequence(root, tmp_pa
     assert texts[0] == texts[1] != ""
 
 
-@pytest.mark.parametrize("below", ["data", "data_0"])
+@pytest.mark.parametrize("below", ["data", "data_0", "tracks"])
 def test_results_and_detections_below_are_found(root, tmp_path, below):
-    """TrackEval keeps result files in data/, AB3DMOT in data_0/."""
+    """TrackEval keeps result files in data/, AB3DMOT in data_0/, evaluate.py in tracks/."""
     whole = run(root, tmp_path / "whole")
     folder = tmp_path / "theirs" / below
     shutil.copytree(tmp_path / "whole" / "tracks", folder)
@@ -192,6 +193,22 @@ def test_boxes_that_can_match_nothing_are_noted(root, tmp_path, capsys):
     assert "2-D alone" not in capsys.readouterr().err
     run(root, tmp_path / "a", "--results", results, "--protocol", "kitti2d,clear3d")
     assert "1 of 1 boxes are 2-D alone and match nothing in clear3d" in capsys.readouterr().err
+
+
+def test_what_holds_nothing_to_evaluate_is_noted(root, tmp_path, capsys, fails):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    (empty / "0000.txt").touch()
+    for flag in ("--results", "--detections"):
+        more = ("--tracker", "sort") if flag == "--detections" else ()
+        run(root, tmp_path / "a", flag, empty, *more)
+        assert f"{empty}: there is no box in it" in capsys.readouterr().err
+        note.cache_clear()
+    run(root, tmp_path / "a", "--classes", "Tram")
+    assert f"{root}: no box is of --classes Tram, all are Car, Van" in capsys.readouterr().err
+    given = ("--data_root", root, "--seqs", "0000,0001", "--out", tmp_path / "b")
+    message = fails(*given, "--results", empty)
+    assert f"{empty}: expected a result file 0001.txt for each of --seqs" in message
 
 
 def test_a_threshold_above_all_scores_is_noted(root, tmp_path, capsys):
