@@ -14,7 +14,7 @@ import numpy as np
 from common.errors import InputError
 from common.notes import note
 from evaluation.detections import NetworkStream
-from kitti.calibration import Calibration, standard_mounting
+from kitti.calibration import Calibration, read_calibration, standard_mounting
 from kitti.camera_view import image_size_of, in_camera_view
 from kitti.scans.point_arrays import as_points
 from models.inference import StreamingNetwork
@@ -36,7 +36,7 @@ class Tracker:
 
     Args:
         network: both networks.
-        calib: mounting of the scanner and view of the camera; by default
+        calib: mounting of the scanner and view of the camera, or the path of their file; by default
             `kitti.calibration.standard_mounting`. The networks take the points in the
             camera's view, as in training.
         image_size: width and height of the camera's image in pixels, where the calibration does
@@ -47,11 +47,12 @@ class Tracker:
     def __init__(
         self,
         network: StreamingNetwork,
-        calib: Calibration | None = None,
+        calib: Calibration | str | Path | None = None,
         image_size: tuple[int, int] | None = None,
         **parameters: float,
     ):
-        self.calib = standard_mounting() if calib is None else calib
+        calib = standard_mounting() if calib is None else calib
+        self.calib = calib if isinstance(calib, Calibration) else read_calibration(calib)
         self.image_size = image_size_of(self.calib, image_size)
         self.dropped = 0  # points of the last scan, see `update`
         self.unseen = 0  # scans so far that have points, but none in the camera's view
@@ -63,7 +64,7 @@ class Tracker:
     def load(
         cls,
         weights: str | Path | None = None,
-        calib: Calibration | None = None,
+        calib: Calibration | str | Path | None = None,
         image_size: tuple[int, int] | None = None,
         score_threshold: float | None = None,
         **parameters: float,

@@ -158,8 +158,15 @@ class KittiSequence:
         return rows
 
     def check_scans(self) -> None:
-        """Raises InputError if no frame has a scan: a wrong folder, or files of other names."""
-        if not any(map(self.has_scan, self.frames)):
+        """Notes frames without a scan.
+
+        Raises:
+            InputError: none has one: a wrong folder, or files of other names.
+        """
+        missing = sum(not self.has_scan(t) for t in self.frames)
+        if 0 < missing < len(self.frames):
+            note(f"{self._scan_folder}: {missing} of {len(self.frames)} frames have no scan")
+        if missing == len(self.frames):
             last = self.frames.stop - 1
             expected = f"{self.frames.start:06d}.bin to {last:06d}.bin"
             raise InputError(f"expected scans such as {expected}, found none", self._scan_folder)

@@ -88,6 +88,15 @@ def test_a_bad_image_size_is_refused(size):
         Tracker(ScriptedNetwork(), image_size=size)
 
 
+def test_a_calibration_may_be_a_path(tmp_path):
+    write_calibration(tmp_path / "c.txt", standard_mounting())
+    for path in (tmp_path / "c.txt", str(tmp_path / "c.txt")):
+        calib = Tracker(ScriptedNetwork(), path).calib
+        np.testing.assert_allclose(calib.level_from_velo, standard_mounting().level_from_velo)
+    with pytest.raises(InputError, match=r"none\.txt: cannot be read"):
+        Tracker(ScriptedNetwork(), tmp_path / "none.txt")
+
+
 @pytest.mark.parametrize("threshold", [float("nan"), float("-inf"), 50.0])
 def test_a_score_threshold_that_no_box_can_reach_is_refused(threshold):
     with pytest.raises(InputError, match=r"score_threshold: expected a finite number, at most 1"):

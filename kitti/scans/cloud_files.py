@@ -68,7 +68,8 @@ def _pcd_header(data: bytes) -> tuple[list[str], bytes]:
     words.setdefault("HEIGHT", ["1"])
     words.setdefault("POINTS", [str(int(words["WIDTH"][0]) * int(words["HEIGHT"][0]))])
     words["VERSION"] = ["0.7"]  # earlier ones differ in the header alone
-    words["DATA"] = words.pop("DATA")  # the last line
+    words["TYPE"] = [word.upper() for word in words["TYPE"]]
+    words["DATA"] = [word.lower() for word in words.pop("DATA")]  # the last line
     return [" ".join([name, *values]) for name, values in words.items()], data[start:]
 
 

@@ -78,7 +78,7 @@ def _from_text(lines: list[str], dtype: np.dtype) -> np.ndarray:
     words = [line.split() for line in lines]
     if any(len(row) != len(dtype.names) for row in words):
         raise ValueError(f"expected {len(lines)} lines of {len(dtype.names)} numbers")
-    rows = np.array(words, np.float64).reshape(len(lines), -1)
+    rows = np.array(words, np.float64).reshape(len(lines), len(dtype.names))
     found = np.zeros(len(lines), dtype)
     with np.errstate(all="ignore"):
         for name, column in zip(dtype.names, rows.T, strict=True):

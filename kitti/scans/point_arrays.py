@@ -44,7 +44,7 @@ def as_points(array: Any) -> tuple[np.ndarray, int]:
         array = from_fields(array)
     elif isinstance(array, np.ma.MaskedArray):
         array = array.astype(np.float64).filled(np.nan)
-    if array.dtype.kind not in "fiu":
+    if array.dtype.kind not in "fiu" or array.dtype.itemsize == 1:  # of 8 bits are images
         raise InputError(f"expected points of real numbers, found {_kind(given, array)}")
     shape, array = array.shape, np.asarray(array)
     if shape == (0,):

@@ -154,6 +154,7 @@ class Message:
     [
         ("scans/000000.bin", r"found a path: .*read_scan\('scans/000000.bin'\) reads a file"),
         (Path("000000.bin"), "found a path"),
+        (np.zeros((20, 40, 3), np.uint8), "expected points of real numbers, found dtype uint8"),
         (Message(), "found Message, which is no array"),
         ((row for row in POINTS), "found generator, which is no array"),
         ({"points": POINTS}, "expected columns x, y, z .*found points"),

@@ -225,6 +225,19 @@ def test_damage_is_one_line(tmp_path, kind):
             assert np.isfinite(points[:, :3]).all()
 
 
+def test_headers_in_other_cases_and_empty_clouds(tmp_path):
+    fields = "FIELDS x y z\nSIZE 4 4 4\nTYPE f f f\nWIDTH 1\n"
+    (tmp_path / "0.pcd").write_bytes(
+        f"{fields}DATA BINARY\n".encode() + np.float32([5, 6, 7]).tobytes()
+    )
+    np.testing.assert_array_equal(read_points(tmp_path / "0.pcd")[0], [[5, 6, 7, 0]])
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    for form in ("ascii", "binary_little_endian"):
+        text = f"ply\nformat {form} 1.0\nelement vertex 0\n{axes}end_header\n"
+        (tmp_path / "0.ply").write_text(text)
+        assert read_points(tmp_path / "0.ply")[0].shape == (0, 4)
+
+
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [

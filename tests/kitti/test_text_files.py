@@ -168,7 +168,8 @@ def test_scans_after_the_last_label_are_noted(kitti_folder, capsys):
         KittiSequence(root, 0).check_scans()
     (scans / "000003.bin").touch()
     KittiSequence(root, 0).check_scans()
-    assert "the labels end" not in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "the labels end" not in error and f"{scans}: 3 of 4 frames have no scan\n" in error
     (scans / "000004.bin").touch()
     assert KittiSequence(root, 0).num_frames == 4
     assert "the labels end at frame 3, the scans do not" in capsys.readouterr().err
