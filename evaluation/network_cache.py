@@ -92,6 +92,12 @@ class CachedPredictions:
         path = self.path(scene)
         if _read(path) is not None:
             return False
+        self._make(path, scene, each_frame)
+        return True
+
+    def _make(
+        self, path: Path, scene: Scene, each_frame: Callable[[], None] = lambda: None
+    ) -> None:
         scene.check(poses=False, scans=True)
         stopwatch = self._network.network
         stopwatch.seconds = []
@@ -100,7 +106,6 @@ class CachedPredictions:
             frames.append(detections)
             each_frame()
         _write(path, frames, stopwatch.seconds)
-        return True
 
     def fill_all(self, scenes: Sequence[Scene], title: str) -> None:
         """Runs the networks over every scene that has no file yet, under a progress bar."""
@@ -124,8 +129,12 @@ class CachedPredictions:
         return self._arrays(scene)["seconds"]
 
     def _arrays(self, scene: Scene) -> dict[str, np.ndarray]:
-        self.fill(scene)
-        return _read(self.path(scene))
+        path = self.path(scene)  # a digest of every scan: once
+        found = _read(path)
+        if found is None:
+            self._make(path, scene)
+            found = _read(path)
+        return found
 
 
 class Stopwatch:
@@ -209,7 +218,7 @@ def _digest_of_data(scene: Scene) -> bytes:
     """Digest (16 bytes) of labels, calibration and scans."""
     sequence = scene.sequence
     digest = hashlib.blake2b(str(scene.frames).encode(), digest_size=16)
-    files = [sequence.folder / "calib" / f"{scene.name}.txt", sequence.label_path]
+    files = [sequence.calib_path, sequence.label_path]
     files += [sequence.scan_path(t) for t in sequence.frames]
     for path in files:
         digest.update(_digest_of_file(path) if path.is_file() else b"none")

@@ -22,6 +22,7 @@ from kitti.scans.scan_files import read_scan
 from kitti.seqmap import check_subset, find_seqmap, sequence_name
 from kitti.tables import read_table, text_file
 
+POSE_COLUMNS = 12  # of a row of poses: a (3, 4) matrix
 _FEW_BOXES = 10  # fewer do not tell
 _LEAST_OVERLAP = 0.4  # median, of boxes in 2-D and 3-D; KITTI's labels have 0.7 to 0.98
 
@@ -62,6 +63,16 @@ class KittiSequence:
     def label_path(self) -> Path:
         """Path of the label file, `.txt` or `.txt.gz`."""
         return text_file(self.folder / "label_02", self.name)
+
+    @property
+    def calib_path(self) -> Path:
+        """Path of the calibration, `.txt` or `.txt.gz`."""
+        return text_file(self.folder / "calib", self.name)
+
+    @property
+    def poses_path(self) -> Path:
+        """Path of the poses, `.txt` or `.txt.gz`, whether they exist or not."""
+        return text_file(self.data_root / "poses", self.name)
 
     @cached_property
     def _seqmap(self) -> tuple[Path, range] | None:
@@ -109,11 +120,7 @@ class KittiSequence:
     @cached_property
     def calib(self) -> Calibration:
         """The sequence's calibration."""
-        return read_calibration(self._calib_path)
-
-    @property
-    def _calib_path(self) -> Path:
-        return self.folder / "calib" / f"{self.name}.txt"
+        return read_calibration(self.calib_path)
 
     @cached_property
     def image_size(self) -> tuple[int, int]:
@@ -141,7 +148,7 @@ class KittiSequence:
 
     def _compared(self, rows: Objects, path: str | Path) -> Objects:
         """The rows; notes 3-D boxes that do not project to the 2-D boxes beside them."""
-        if not self._calib_path.is_file():
+        if not self.calib_path.is_file():
             return rows  # 2-D metrics need none
         given = (rows.bbox[:, 2:] > rows.bbox[:, :2]).all(axis=1) & ~np.isnan(rows.boxes[:, 0])
         rows_given = rows[given]
@@ -219,13 +226,9 @@ class KittiSequence:
         return [(a, b) for a, b in pairwise(usable) if b == a + 1]
 
     @property
-    def _poses_path(self) -> Path:
-        return self.data_root / "poses" / f"{self.name}.txt"
-
-    @property
     def has_poses(self) -> bool:
         """True if there is a file of poses."""
-        return self.subset == "training" and os.path.lexists(self._poses_path)
+        return self.subset == "training" and os.path.lexists(self.poses_path)
 
     @cached_property
     def poses(self) -> np.ndarray | None:
@@ -234,21 +237,21 @@ class KittiSequence:
         From `data_root/poses/00XX.txt` (KITTI odometry's layout, camera 0); None without it.
         The published poses are of the training sequences, so testing has none.
         """
-        path = self._poses_path
+        path = self.poses_path
         if path.parent.exists() and not path.parent.is_dir():
             raise InputError("expected a folder with files 00XX.txt, found a file", path.parent)
         if not self.has_poses:
             if self.subset == "training" and path.parent.is_dir():
                 note(f"{path.parent}: there is no {path.name}, so the ego motion is unknown")
             return None
-        table = read_table(path, (12,))
+        table = read_table(path, (POSE_COLUMNS,))
         if len(table) < self.num_frames:
             expected = f"expected {self.num_frames} rows (a pose per frame), found {len(table)}"
             raise InputError(expected, path)
         turn = np.eye(4)
         turn[:3, :3] = LEVEL_FROM_CAMERA
         poses = np.tile(np.eye(4), (len(table), 1, 1))
-        poses[:, :3] = table.numbers(0, 12).reshape(-1, 3, 4)
+        poses[:, :3] = table.numbers(0, POSE_COLUMNS).reshape(-1, 3, 4)
         table.refuse(~is_rotation(poses[:, :3, :3]), "its 3x3 block is not a rotation")
         far = (np.abs(poses[:, :3, 3]) > MAX_NUMBER).any(axis=1)
         table.refuse(far, f"expected a position within {MAX_NUMBER:.0e} metres")
@@ -265,7 +268,8 @@ def open_sequences(
 def labelled_sequences(data_root: str | Path) -> list[int]:
     """Numbers of all sequences of data_root/training that have a label file; InputError if none."""
     folder = Path(data_root) / "training" / "label_02"
-    names = sorted(path.stem for path in folder.glob("[0-9][0-9][0-9][0-9].txt"))
-    if not names:
+    names = {path.name[:4] for path in folder.glob("[0-9][0-9][0-9][0-9].txt*")}
+    numbers = sorted(int(name) for name in names if text_file(folder, name).exists())
+    if not numbers:
         raise InputError("expected label files such as 0000.txt", folder)
-    return [int(name) for name in names]
+    return numbers

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from common.files import write_bytes, write_text
+from common.files import write_text
 from kitti.boxes import transform_boxes
 from kitti.calibration import Calibration
 from kitti.labels import LABEL_COLUMNS, TYPE_COLUMN
 from kitti.objects import Objects
-from kitti.sequence import KittiSequence
-from kitti.tables import read_table
+from kitti.sequence import POSE_COLUMNS, KittiSequence
+from kitti.tables import read_lines, read_table
 from simulator.bodies.convex import Body
 from simulator.bodies.kitti_types import make_body
 from simulator.config import SENSOR
@@ -67,12 +67,11 @@ class Replay:
         inside = zip(table.rows, table.values[:, 0] < frames, strict=True)
         labels = "".join(line + "\n" for line, chosen in inside if chosen)
         write_text(root / "label_02" / f"{name}.txt", labels)
-        calib = (source.folder / "calib" / f"{name}.txt").read_bytes()
-        write_bytes(root / "calib" / f"{name}.txt", calib)
-        poses = source.data_root / "poses" / f"{name}.txt"
-        if poses.is_file():
-            lines = poses.read_bytes().splitlines(keepends=True)[:frames]
-            write_bytes(root.parent / "poses" / f"{name}.txt", b"".join(lines))
+        write_text(root / "calib" / f"{name}.txt", "\n".join(read_lines(source.calib_path)))
+        if source.has_poses:
+            lines = read_table(source.poses_path, (POSE_COLUMNS,)).rows[:frames]
+            poses = "".join(line + "\n" for line in lines)
+            write_text(root.parent / "poses" / f"{name}.txt", poses)
         write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], SENSOR.period_s)
 
     def scene(self, frame: int, motion: bool = False) -> Scene:

@@ -9,7 +9,7 @@ from helpers.kitti_rows import label_row
 
 from common.errors import InputError
 from kitti.labels import read_labels
-from kitti.sequence import KittiSequence
+from kitti.sequence import KittiSequence, labelled_sequences
 
 TEXT = "".join(label_row(t, i) + "\n" for t in range(4) for i in (0, 1))
 RESULT = "{} {} Car -1 -1 -1.5 100 120 200 180 1.5 1.6 4.0 2.0 1.7 20.0 0.3 {}\n"
@@ -59,6 +59,21 @@ def test_packed_labels_and_detections_are_found_by_name(kitti_folder):
     (root / "d").mkdir()
     (root / "d" / "0000.txt.gz").write_bytes(gzip.compress(RESULT.format(2, 7, 0.5).encode()))
     assert KittiSequence(root, 0).read_detections(root / "d").frame.tolist() == [2]
+
+
+def test_packed_calibration_and_poses_are_found_by_name(kitti_folder):
+    root = kitti_folder([label_row(0, 0)])
+    (root / "poses").mkdir()
+    (root / "poses" / "0000.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 2.5\n")
+    plain = KittiSequence(root, 0)
+    calib, poses = plain.calib, plain.poses
+    for path in (plain.calib_path, plain.poses_path, plain.label_path):
+        path.with_name("0000.txt.gz").write_bytes(gzip.compress(path.read_bytes()))
+        path.unlink()
+    packed = KittiSequence(root, 0)
+    np.testing.assert_array_equal(packed.calib.p2, calib.p2)
+    np.testing.assert_array_equal(packed.poses, poses)
+    assert packed.has_poses and labelled_sequences(root) == [0]
 
 
 def test_detections_may_be_kitti_results(kitti_folder):
