@@ -31,7 +31,7 @@ def count_sequence(sequence: KittiSequence) -> Counts:
     names = [name for name in LABELLED if (sequence.objects.type == name).any()]
     classes = {name: count_objects(sequence.objects, (name,)) for name in names}
     return {
-        "frames": sequence.num_frames,
+        "frames": len(sequence.frames),
         "pairs": len(sequence.pairs(scans=False)),
         "scans": sum(map(sequence.has_scan, sequence.frames)),
         "classes": {**classes, VEHICLE_NAME: count_objects(sequence.objects, VEHICLES)},

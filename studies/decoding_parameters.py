@@ -72,7 +72,7 @@ def frames_of(scenes: list[Scene], detector, every: int, seed: int) -> list[Fram
     def detect(xyz):
         return detector(detector_inputs(xyz, detector.config), training=False).boxes
 
-    chosen = [(s, t) for s in scenes for t in range(0, s.num_frames, every)]
+    chosen = [(s, t) for s in scenes for t in s.frames[::every]]
     frames = []
     for scene, t in progress(chosen, len(chosen), "detector", "frames"):
         points, truth = scene.points(t), scene.objects.at(t).of_classes(VEHICLES).boxes

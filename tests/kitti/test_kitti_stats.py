@@ -36,6 +36,14 @@ def test_counts_by_hand(kitti_folder, capsys):
     assert list(_counts(capsys, "--data_root", str(root), "--seqs", "3")["sequences"]) == ["0003"]
 
 
+def test_a_half_sequence_has_the_frames_of_its_seqmap(kitti_folder, capsys):
+    root = kitti_folder([label_row(t, 1) for t in range(6)])
+    (root / "evaluate_tracking.seqmap").write_text("0000 empty 000002 000004\n")
+    counts = _counts(capsys, "--data_root", str(root))["overall"]
+    assert (counts["frames"], counts["pairs"]) == (3, 2)
+    assert counts["classes"]["Car"] == {"trajectories": 1, "boxes": 3}
+
+
 def test_table_shows_the_same(kitti_folder, capsys):
     root = kitti_folder([label_row(0, 1), label_row(1, 1), label_row(1, 2, "Van")])
     assert flags.run(main, ["--data_root", str(root)]) == 0
