@@ -13,12 +13,14 @@ from kitti.object_shift import MAX_DISTANCE, ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.seqmap import TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
-from metrics.protocols import BEST, CLEAR3D, PROTOCOLS
+from metrics.protocols import CLEAR3D, PROTOCOLS
 from models.boxes.box_score import default_min_score
 from tracking import PREDICTED_MOTION, TRACKERS
 
 GROUND_TRUTH = "gt"
 NETWORK = "network"
+BEST = "best"
+"""--score_threshold of the best MOTA, see docs/EVALUATION.md."""
 
 
 def parse_names(text: str) -> tuple[str, ...]:
@@ -81,7 +83,9 @@ class EvaluateConfig:
         ("protocol",),
         least_items=0,
     )
-    iou: float = option(0.5, "least 3-D IoU of a match in clear3d... and kitti3d", finite_float)
+    iou: float = option(
+        0.5, "least 3-D IoU of a match in clear3d, clear3d_dontcare, kitti3d", finite_float
+    )
     score_threshold: str | float | None = option(
         None,
         "least score of a box (default: network boxes that of the weights, others none); of "

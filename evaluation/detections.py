@@ -161,10 +161,10 @@ class BoxesAtLeast:
 
 
 class LabelBoxesWithPredictedMotion:
-    """The labelled vehicles' boxes with the motion that another provider predicts."""
+    """The labelled boxes of some classes with the motion that another provider predicts."""
 
-    def __init__(self, predicted: DetectionProvider):
-        self.predicted, self.labelled = predicted, LabelBoxes(VEHICLES)
+    def __init__(self, predicted: DetectionProvider, classes: Sequence[str] = VEHICLES):
+        self.predicted, self.labelled = predicted, LabelBoxes(classes)
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""

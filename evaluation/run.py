@@ -16,7 +16,7 @@ from common.files import read_bytes, write_json, write_text
 from common.notes import note
 from common.progress import Progress
 from common.provenance import provenance
-from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
+from evaluation.config import BEST, GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import (
     BoxesAtLeast,
     DetectionFiles,
@@ -36,7 +36,7 @@ from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
 from kitti.tables import sequence_file
 from metrics.comparison import track_scores
-from metrics.protocols import BEST, Entry, best_threshold, evaluate_protocol
+from metrics.protocols import Entry, best_threshold, evaluate_protocol
 from tracking import make_tracker
 
 TRACKS, METRICS = "tracks", "metrics.json"
@@ -127,6 +127,9 @@ def run_tracker(
         }
     if least is not None:
         note_low_scores(provider.largest, least)
+    rows = Objects.concatenate(tracked.values())
+    if config.detections == NETWORK and len(rows):
+        note_other_classes(config.weights, rows, config.classes)
     return tracked
 
 

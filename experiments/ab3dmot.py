@@ -18,7 +18,7 @@ from evaluation.tracking_loop import track_scene
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
 from experiments.runs import make_parser, write
 from kitti.seqmap import sequence_name
-from metrics.protocols import BEST, Entry, Kitti3d, evaluate_protocol, metrics_of
+from metrics.protocols import Entry, Kitti2d, Kitti3d, metrics_of
 from tracking import make_tracker
 
 SPACES = {
@@ -38,16 +38,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_writable(args.out)
     entries, poses = _tracked(args)
     figures: dict[str, Any] = {
-        name: metrics_of(Kitti3d(entries, min_iou, space), entries, BEST, over_recall=True)[
-            "overall"
-        ]
+        name: _at_best(Kitti3d(entries, min_iou, space), entries, over_recall=True)
         for name, (space, min_iou) in SPACES.items()
     }
-    figures["kitti2d (TrackEval)"] = evaluate_protocol("kitti2d", entries, threshold=BEST)[
-        "overall"
-    ]
+    figures["kitti2d (TrackEval)"] = _at_best(Kitti2d(entries), entries)
     text = f"Ego-motion compensation: {'from poses/' if poses else 'off (no poses/)'}.\n\n"
     write(args.out, "ab3dmot", "AB3DMOT on PointRCNN detections", text + _table(figures), figures)
+
+
+def _at_best(protocol, entries: list[Entry], **options: bool) -> dict[str, Any]:
+    """Metrics over all sequences at the score threshold of the best MOTA."""
+    return metrics_of(protocol, entries, best=True, **options)["overall"]
 
 
 def _tracked(args) -> tuple[list[Entry], bool]:

@@ -16,7 +16,7 @@ from common import flags
 from common.files import write_json, write_text
 from common.progress import Progress
 from common.provenance import provenance
-from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig, parse_names, parse_seqs
+from evaluation.config import GROUND_TRUTH, EvaluateConfig, parse_names, parse_seqs
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
@@ -99,7 +99,8 @@ def write(out: Path, name: str, title: str, tables: str, figures: Any, **details
 class Run:
     """One evaluation of one tracker; fields as in `EvaluateConfig` and `ObjectShift`.
 
-    A run with the networks' boxes or displacement takes them from the files in `network_cache`.
+    A run with the networks' boxes, or with their displacement on labelled boxes, takes these from
+    the files in `network_cache`.
     """
 
     data_root: Path
@@ -150,8 +151,8 @@ class Run:
 def measure(run: Run) -> dict[str, Any]:
     """The overall metrics of a run."""
     provider: DetectionProvider | None = run.cached
-    if provider is not None and run.detections != NETWORK:
-        provider = LabelBoxesWithPredictedMotion(provider)
+    if provider is not None and run.detections == GROUND_TRUTH:
+        provider = LabelBoxesWithPredictedMotion(provider, run.classes)
     return evaluate(run.config, run.shift, provider)[run.protocol]["overall"]
 
 

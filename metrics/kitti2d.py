@@ -34,7 +34,8 @@ def kitti2d(
     """Counts of one sequence.
 
     Args:
-        comparison: truth of classes Car and Van, results of class Car.
+        comparison: truth of the evaluated class and its neighbours (Car and Van), results of the
+            evaluated class, with 2-D IoU as similarity.
         keep: (S,) bool, the results to evaluate.
         ignored: (R,) bool from `kitti_rules.ignored_truth`.
         ignorable: (S,) bool from `kitti_rules.ignorable_results`.

@@ -27,7 +27,8 @@ def kitti3d(
     """Counts of one sequence.
 
     Args:
-        comparison: truth and results of classes Car and Van, ids from 0.
+        comparison: truth and results of the evaluated class and its neighbours (Car and Van), with
+            3-D IoU as similarity; ids from 0.
         keep: (S,) bool, the results to evaluate.
         ignored: (R,) bool from `kitti_rules.ignored_truth`.
         ignorable: (S,) bool from `kitti_rules.ignorable_results`.

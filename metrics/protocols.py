@@ -10,7 +10,7 @@ from metrics.clear3d import clear3d
 from metrics.comparison import Comparison, compare
 from metrics.counts import Outcome, total
 from metrics.hota import hota
-from metrics.kitti2d import clean, kitti2d
+from metrics.kitti2d import CleanFrame, clean, kitti2d
 from metrics.kitti3d import kitti3d
 from metrics.kitti_rules import (
     RULES,
@@ -26,7 +26,6 @@ from metrics.recall_sweep import sweep
 PROTOCOLS = ("clear3d", "clear3d_dontcare", "kitti2d", "kitti3d", "hota")
 CLEAR3D = ("clear3d", "clear3d_dontcare")
 """Protocols over all of `classes`, without further rules of KITTI."""
-BEST = "best"
 
 
 @dataclass(frozen=True)
@@ -96,19 +95,19 @@ class KittiProtocol:
         self.rules = rules
         self.cases = [_kitti_case(entry, space, neighbours_may_match, rules) for entry in entries]
 
-    def clean(self, threshold: float | None) -> dict[str, list]:
+    def clean(self) -> dict[str, list[CleanFrame]]:
         """Frames of each sequence after the ignore rules, for `hota`."""
         return {
-            c.name: clean(c, c.above(threshold), ignored, ignorable)
+            c.name: clean(c, c.above(None), ignored, ignorable)
             for c, ignored, ignorable in self.cases
         }
 
 
 class Kitti2d(KittiProtocol):
-    """`kitti2d` over sequences, on image boxes unless `space` is "3d"."""
+    """`kitti2d` over sequences, on image boxes."""
 
-    def __init__(self, entries: Sequence[Entry], space: str = "2d", rules: KittiRules = RULES):
-        super().__init__(entries, space, False, rules)
+    def __init__(self, entries: Sequence[Entry], rules: KittiRules = RULES):
+        super().__init__(entries, "2d", False, rules)
 
     def outcomes(self, threshold: float | None, _earlier_passes: int = 0) -> list[Outcome]:
         """One outcome per sequence, of the tracks whose mean score reaches `threshold`."""
@@ -152,28 +151,25 @@ def evaluate_protocol(
     *,
     classes: Sequence[str] = ("Car", "Van"),
     min_iou: float = 0.5,
-    threshold: float | str | None = None,
 ) -> dict[str, Any]:
     """Metrics of one protocol: `{"overall": {...}, "sequences": {"0016": {...}, ...}}`.
 
-    Raises:
-        InputError: the protocol is not defined for `classes`.
-
     Args:
         name: one of `PROTOCOLS`.
-        entries: the sequences.
+        entries: the sequences; all of their tracks are evaluated.
         classes: those that `clear3d` evaluates; of the KITTI protocols one class with neighbours,
             see `kitti_rules.rules_for`.
-        min_iou: for `clear3d` and `kitti3d`; fixed in the 2-D protocol and in HOTA.
-        threshold: least mean score of a track; "best" selects the recall point of the best overall
-            MOTA; None keeps all.
+        min_iou: least 3-D IoU of a match in `clear3d`, `clear3d_dontcare` and `kitti3d`.
+
+    Raises:
+        InputError: the protocol is not defined for `classes`.
     """
     if name not in PROTOCOLS:
         raise ValueError(f"expected one of {PROTOCOLS}, found {name!r}")
     if name == "hota":
-        return _hota_metrics(entries, threshold, rules_for(name, classes))
+        return _hota_metrics(entries, rules_for(name, classes))
     protocol = _clear_protocol(name, entries, classes, min_iou)
-    return metrics_of(protocol, entries, threshold, over_recall=name == "kitti3d")
+    return metrics_of(protocol, entries, over_recall=name == "kitti3d")
 
 
 def best_threshold(
@@ -189,14 +185,14 @@ def best_threshold(
 
 def _clear_protocol(
     name: str, entries: Sequence[Entry], classes: Sequence[str], min_iou: float
-) -> Clear3d | KittiProtocol:
+) -> Clear3d | Kitti2d | Kitti3d:
     """The protocol of that name; for hota `kitti2d`."""
     if name in CLEAR3D:
         return Clear3d(entries, classes, min_iou, dontcare=name == "clear3d_dontcare")
     rules = rules_for(name, classes)
     if name == "kitti3d":
         return Kitti3d(entries, min_iou, rules=rules)
-    return Kitti2d(entries, rules=rules)
+    return Kitti2d(entries, rules)
 
 
 def _kitti_case(entry: Entry, space: str, neighbours_may_match: bool, rules: KittiRules):
@@ -213,16 +209,23 @@ def _kitti_case(entry: Entry, space: str, neighbours_may_match: bool, rules: Kit
     return comparison, ignored_truth(truth, rules), ignorable
 
 
-def metrics_of(protocol, entries, threshold, over_recall: bool = False) -> dict[str, Any]:
+def metrics_of(
+    protocol: Clear3d | Kitti2d | Kitti3d,
+    entries: Sequence[Entry],
+    *,
+    best: bool = False,
+    over_recall: bool = False,
+) -> dict[str, Any]:
     """Metrics of a CLEAR protocol over all and per sequence; see `evaluate_protocol`.
 
-    `over_recall` adds sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA to those over all.
+    Args:
+        protocol: made of `entries`.
+        entries: the sequences.
+        best: leave out tracks of lower mean score than the recall point of the best overall MOTA.
+        over_recall: add sAMOTA, AMOTA, AMOTP and the threshold of the best MOTA to those over all.
     """
-    swept, earlier_passes = None, 0
-    if over_recall or threshold == BEST:
-        swept = sweep(protocol.outcomes)
-    if threshold == BEST:
-        threshold, earlier_passes = swept.best_threshold, swept.passes
+    swept = sweep(protocol.outcomes) if best or over_recall else None
+    threshold, earlier_passes = (swept.best_threshold, swept.passes) if best else (None, 0)
     counts = [outcome.counts for outcome in protocol.outcomes(threshold, earlier_passes)]
     overall = total(counts).metrics()
     if over_recall:
@@ -233,15 +236,11 @@ def metrics_of(protocol, entries, threshold, over_recall: bool = False) -> dict[
     }
 
 
-def _hota_metrics(
-    entries: Sequence[Entry], threshold: float | str | None, rules: KittiRules
-) -> dict[str, Any]:
+def _hota_metrics(entries: Sequence[Entry], rules: KittiRules) -> dict[str, Any]:
     """HOTA on image boxes, and on 3-D IoU under names that end in _3D."""
     metrics: dict[str, Any] = {"overall": {}, "sequences": {entry.name: {} for entry in entries}}
     for space, suffix in (("2d", ""), ("3d", "_3D")):
-        protocol = Kitti2d(entries, space, rules)
-        at = sweep(protocol.outcomes).best_threshold if threshold == BEST else threshold
-        part = hota(protocol.clean(at))
+        part = hota(KittiProtocol(entries, space, False, rules).clean())
         metrics["overall"] |= _suffixed(part["overall"], suffix)
         for name, values in part["sequences"].items():
             metrics["sequences"][name] |= _suffixed(values, suffix)

@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import tiny_kitti
+from helpers import tiny_kitti, two_cars
 
 from common.markdown import markdown
+from evaluation.config import NETWORK, EvaluateConfig
 from evaluation.detections import DetectionFiles, LabelBoxes, NetworkStream
+from evaluation.run import run_tracker
 from evaluation.scene import Scene
 from evaluation.tracking_loop import NEVER_SEEN, SceneFrame, keep_last_seen, track_scene
 from kitti.object_shift import ObjectShift
@@ -110,6 +112,14 @@ def test_a_frame_without_a_scan_leaves_the_displacement_unknown():
         ids.append(track_frame(tracker, found).ids.tolist())
         assert found.points is None if t == 0 else len(found.points) == (t == 1)
     assert ids == [[0], [0], [], [0]]
+
+
+def test_networks_that_find_other_classes_alone_are_noted(tmp_path, capsys):
+    two_cars.write_sequence(tmp_path, 0, frames=2)
+    chosen = {"classes": ("Pedestrian",), "detections": NETWORK, "tracker": "sort"}
+    config = EvaluateConfig(tmp_path, seqs=(0,), protocols=(), **chosen)
+    assert len(run_tracker(config, config.open_scenes(), LabelBoxes(("Car",)))["0000"])
+    assert "no box is of --classes Pedestrian, all are Car" in capsys.readouterr().err
 
 
 def test_table_shows_a_dash_for_none():

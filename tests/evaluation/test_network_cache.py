@@ -172,8 +172,7 @@ def test_labelled_boxes_come_with_the_predicted_motion(scene):
             for t in range(1, 5):
                 yield FrameDetections(t, box, [0.5], points=points, displacement=2 * points)
 
-    provider = LabelBoxesWithPredictedMotion(Predicted())
-    provider.labelled = LabelBoxes(("Pedestrian",))
+    provider = LabelBoxesWithPredictedMotion(Predicted(), ("Pedestrian",))
     first, _, third, *_ = provider.frames(scene)
     assert (len(first), len(third), third.types.tolist()) == (0, 1, ["Pedestrian"])
     assert first.points is None and (third.displacement == 2).all()

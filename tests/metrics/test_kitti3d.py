@@ -9,7 +9,7 @@ from kitti.iou import iou_3d
 from kitti.labels import read_labels, read_results, write_labels, write_results
 from kitti.objects import Objects
 from metrics.comparison import compare
-from metrics.protocols import Entry, evaluate_protocol
+from metrics.protocols import Entry, Kitti3d, evaluate_protocol, metrics_of
 
 COUNTS = ("TP", "FP", "FN", "GT", "IDS", "FRAG")
 
@@ -59,7 +59,7 @@ def test_figures_over_recall_equal_the_reference(tmp_path, seed):
     best_mota, best_threshold = expected["best"]
     assert figures["best_MOTA"] == pytest.approx(best_mota, abs=1e-9)
     assert figures["best_threshold"] == pytest.approx(best_threshold, abs=1e-9)
-    at_best = evaluate_protocol("kitti3d", ours, min_iou=0.25, threshold="best")["overall"]
+    at_best = metrics_of(Kitti3d(ours, 0.25), ours, best=True)["overall"]
     assert {key: at_best[key] for key in COUNTS} == {
         key: expected["at best"][key] for key in COUNTS
     }
