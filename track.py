@@ -209,27 +209,27 @@ def parse_config(argv: Sequence[str] | None = None) -> TrackConfig:
     return from_flags(TrackConfig, parser.parse_args(argv))
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Tracks, writes the tracks and the pictures, prints where they are."""
-    args = parse_config(argv)
-    formats = parse_formats(args.format)
+def open_scans(args: TrackConfig) -> Scans:
+    """The scans in the layout that the flags describe; raises InputError as `Scans`."""
     columns = None if args.scan_columns is None else parse_columns(args.scan_columns)
-    scans = Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))
-    calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
-    given = None if args.image_size is None else parse_image_size(args.image_size)
-    size, known_from = describe_image_size(calib, given)
-    seen, total = look(scans, calib, size)
-    check_writable(args.out)
-    from pointtracknet import Tracker  # TensorFlow only for valid input
+    return Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))
+
+
+def load_tracker(args: TrackConfig, calib: Calibration, size: tuple[int, int]):
+    """The `pointtracknet.Tracker` of the flags; prints the device and the score threshold."""
+    from pointtracknet import Tracker
     from tf_ops.devices import describe_device
-    from visualization.scene_points import FOREGROUND, ScenePoints
 
     print(describe_device())
     tracker = Tracker.load(args.weights, calib, size, args.score_threshold)
-    print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")
-    print(f"{seen / max(total, 1):.0%} of the points lie in it")
     print(f"boxes with a score of at least {tracker.score_threshold:.3g}")
-    name = args.scans.resolve().name or DEFAULT_NAME
+    return tracker
+
+
+def track_and_keep(tracker, scans: Scans):
+    """Tracks under a progress bar: result rows, and `ScenePoints` of the detector's input."""
+    from visualization.scene_points import FOREGROUND, ScenePoints
+
     seen = ScenePoints(len(scans.frames), FOREGROUND)
     with Progress(len(scans.frames), "tracking", "frames") as bar:
 
@@ -237,9 +237,25 @@ def main(argv: Sequence[str] | None = None) -> None:
             seen.put(frame - scans.frames[0], tracker.seen)
             bar.update()
 
-        results = track_scans(tracker, scans, each_frame)
+        return track_scans(tracker, scans, each_frame), seen
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Tracks, writes the tracks and the pictures, prints where they are."""
+    args = parse_config(argv)
+    formats, scans = parse_formats(args.format), open_scans(args)
+    calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
+    given = None if args.image_size is None else parse_image_size(args.image_size)
+    size, known_from = describe_image_size(calib, given)
+    in_view, total = look(scans, calib, size)
+    check_writable(args.out)
+    print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")
+    print(f"{in_view / max(total, 1):.0%} of the points lie in it")
+    tracker = load_tracker(args, calib, size)  # imports TensorFlow, only for valid input
+    results, seen = track_and_keep(tracker, scans)
     for remark in scans.remarks():
         note(remark)
+    name = args.scans.resolve().name or DEFAULT_NAME
     files = write_tracks(args.out, name, results, formats)
     print(f"{len(np.unique(results.track_id))} tracks in {len(scans)} scans")
     pictures = draw(results, tracker, scans, name, args.out, args.animation_frames, seen)

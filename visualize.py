@@ -58,9 +58,8 @@ def make_parser() -> flags.ArgumentParser:
             needed = {"default": []} if name == "scene" else {"required": True}
             add("--results", type=Path, nargs=count, help="folder of files 00XX.txt", **needed)
         if name in ("network", "birds_eye"):
-            add(
-                "--frame", type=flags.non_negative_int, help="default: the frame with most vehicles"
-            )
+            text = "default: the one with most vehicles in the second half of the sequence"
+            add("--frame", type=flags.non_negative_int, help=text)
         if name in ("network", "scene"):
             add("--weights", type=Path, default=Path("weights"), help="folder of the networks'")
     _add_scene_flags(parsers["scene"])
