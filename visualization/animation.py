@@ -37,11 +37,11 @@ def animate(
     if count < clip.num_frames:
         note(f"{path}: the first {count} of {clip.num_frames} frames; --animation_frames 0: all")
     title = title or f"sequence {clip.name}"
-    stage = BirdsEye(clip, id_color, TRAIL, SIZE)
-    stage.figure.set_dpi(100)
-    canvas, images = FigureCanvasAgg(stage.figure), []
+    view = BirdsEye(clip, id_color, TRAIL, SIZE)
+    view.figure.set_dpi(100)
+    canvas, images = FigureCanvasAgg(view.figure), []
     for t in range(count):
-        stage.draw(t, f"{title}, frame {t}")
+        view.draw(t, f"{title}, frame {t}")
         images.append(_image(canvas))
         each_frame()
     with atomic_path(path) as temporary:

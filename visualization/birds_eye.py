@@ -45,24 +45,24 @@ class BirdsEye:
         self.figure = Figure(figsize=size, layout="constrained")
         self.panel = self.figure.subplots()
         birds_eye_axes(self.panel)
-        self._passing = []
+        self._drawn = []  # of one frame
         legend_below(self.figure, self._handles())
 
     def draw(self, t: int, title: str = "") -> Figure:
         """Replaces the contents by frame t; returns the figure."""
-        for artist in self._passing:
+        for artist in self._drawn:
             artist.remove()
         clip, panel = self.clip, self.panel
         truth, found = clip.truth.at(t), clip.results.at(t)
         ids = found.track_id.tolist()
         colors = [self._of(i) for i in ids]
-        ways = [clip.trails(objects, t, self.trail) for objects in (clip.truth, clip.results)]
-        self._passing = [
+        trails = [clip.trails(objects, t, self.trail) for objects in (clip.truth, clip.results)]
+        self._drawn = [
             draw_points(panel, clip.scan(t)),
             draw_boxes(panel, truth.boxes, TRUTH, linewidth=2.2, zorder=2),
-            draw_trails(panel, ways[0], TRUTH, linestyle=":", linewidth=2.2, zorder=2),
+            draw_trails(panel, trails[0], TRUTH, linestyle=":", linewidth=2.2, zorder=2),
             draw_boxes(panel, found.boxes, colors, linewidth=1.2, zorder=3),
-            draw_trails(panel, ways[1], self._of, linewidth=1.0, zorder=3),
+            draw_trails(panel, trails[1], self._of, linewidth=1.0, zorder=3),
             *(
                 label(panel, box[0], box[1] + 1.6, str(i), color=color, zorder=4)
                 for i, box, color in zip(ids, found.boxes, colors, strict=True)
@@ -89,8 +89,8 @@ def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
 
 
 def _handles(color: str, name: str, trail: int, linestyle: str, width: float) -> list:
-    way = f"its way in the last {trail / 10:g} s"
+    text = f"its trail over the last {trail / 10:g} s"
     return [
         box_handle(color, name, linewidth=width),
-        line_handle(color, way, linestyle=linestyle, linewidth=width),
+        line_handle(color, text, linestyle=linestyle, linewidth=width),
     ]

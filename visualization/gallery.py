@@ -31,8 +31,8 @@ class Picture(NamedTuple):
 
 
 PICTURES = {
-    "birds_eye.png": "Bird's-eye view (the paper's Fig. 1): true boxes in green, ways dotted; "
-    "PointTrackNet's boxes in blue with ids, ways solid.",
+    "birds_eye.png": "Bird's-eye view (the paper's Fig. 1): true boxes in green, trails dotted; "
+    "PointTrackNet's boxes in blue with ids, trails solid.",
     "sampling.png": "Sampling (Fig. 3): points that the tracker's layers keep after the "
     "probability filter (green) and by farthest-point sampling alone (red).",
     "association.png": "Association head (Fig. 4): the neighbours in the next frame (solid blue) "

@@ -61,7 +61,7 @@ def samplings(network: StreamingNetwork, state: FrameState) -> Samplings:
 def neighborhood(
     network: StreamingNetwork, previous: FrameState, current: FrameState, boxes: np.ndarray
 ) -> Neighborhood:
-    """The group of one point of t-1: one in the nearest of the boxes that holds points.
+    """The group of one point of t-1: one in the box that holds most points of SA2, if any does.
 
     boxes: (M, 7) of frame t-1, level frame.
 
