@@ -117,7 +117,7 @@ class DeepSort:
         Mahalanobis distance as a share of its own (lambda = 1 in equation 5).
         """
         p = self.parameters
-        motion = state.filter.position_gate(boxes) / p.gate
+        motion = state.filter.squared_mahalanobis(boxes) / p.gate
         look = state.gallery.distances(looks) / p.max_cosine_distance
         cost = np.where(np.isnan(look), motion, look)
         return np.where((motion <= 1.0) & (cost <= 1.0), cost, np.inf)

@@ -110,7 +110,7 @@ class KalmanBox:
         )
         self.kalman.P = turn @ self.kalman.P @ turn.T
 
-    def position_gate(self, boxes: np.ndarray) -> np.ndarray:
+    def squared_mahalanobis(self, boxes: np.ndarray) -> np.ndarray:
         """Squared Mahalanobis distances (M,) of box centres from the prediction."""
         covariance = self.kalman.P[POSITION, POSITION] + self.kalman.R[POSITION, POSITION]
         offset = boxes[:, :3] - self.kalman.x[POSITION, 0]

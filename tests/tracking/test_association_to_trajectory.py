@@ -145,7 +145,7 @@ def test_probation_and_start_score():
     assert tracks.scores.tolist() == [0.3]
 
 
-def test_the_probation_of_the_baselines():
+def test_the_probation_of_ab3dmot():
     """In the first three frames every track is shown, later one from its third detection on."""
     tracker = make_tracker("pointtracknet_probation")
     shown = [step(tracker, cars(0.0)).ids.tolist() for _ in range(3)]

@@ -97,10 +97,10 @@ def test_move_frame_rotates_position_velocity_and_yaw():
     assert kalman_box.kalman.P[1, 1] == pytest.approx(7.0)
 
 
-def test_position_gate_is_the_squared_mahalanobis_distance():
+def test_squared_mahalanobis_distance_of_the_centre():
     noise = Noise(initial_box=2.0, measured_position=1.5)
     kalman_box = KalmanBox(BOX, noise)
     others = np.array([BOX, BOX + np.array([3.0, 4.0, 0, 0, 0, 0, 0])])
     # covariance (2^2 + 1.5^2) I, distance 5: 25 / 6.25 = 4
-    assert kalman_box.position_gate(others) == pytest.approx([0.0, 4.0])
-    assert kalman_box.position_gate(others[:0]).shape == (0,)
+    assert kalman_box.squared_mahalanobis(others) == pytest.approx([0.0, 4.0])
+    assert kalman_box.squared_mahalanobis(others[:0]).shape == (0,)
