@@ -8,7 +8,15 @@ from common.errors import InputError
 from models.boxes.box_decoding import Clusters
 from training.scoring.box_candidates import Candidates
 from training.scoring.logistic import fit_logistic, log_loss
-from training.scoring.score_fit import Domain, Penalty, ScoreFit, care, choose_penalty, samples
+from training.scoring.score_fit import (
+    Domain,
+    Penalty,
+    ScoreFit,
+    choose_penalty,
+    counted_boxes,
+    samples,
+)
+from training.scoring.score_report import draw, report, table
 
 NAMES = ("signal", "noise", "FC1 0 mean")
 
@@ -69,7 +77,7 @@ def test_boxes_in_dontcare_regions_are_left_out_unless_right():
     one = frame("a", 0)
     assert len(samples([one], NAMES).right) == 19
     assert samples([one], NAMES).right.sum() == len(one.iou)
-    scores, right = care([one], [np.linspace(0, 1, 20)])
+    scores, right = counted_boxes([one], [np.linspace(0, 1, 20)])
     assert len(scores) == 19 and right.sum() == len(one.iou)
 
 
@@ -108,6 +116,16 @@ def test_a_single_drive_cannot_be_validated():
     alone = [Domain([frame("a", 0), frame("a", 1)])]
     with pytest.raises(InputError, match="two or more drives"):
         ScoreFit(alone, Penalty(0.01, None)).cross_validated(3)
+
+
+def test_frames_without_a_counted_box_are_reported(tmp_path):
+    one = frame("a", 0)
+    nothing = np.zeros((len(one.iou), 20))
+    hidden = Candidates(**{**vars(one), "iou": nothing, "ignorable": np.ones(20, bool)})
+    parts = {"real": report([hidden], [np.linspace(0, 1, 20)], 0.5)}
+    draw(parts, tmp_path / "reliability.png")
+    assert (parts["real"]["boxes"], parts["real"]["expected_calibration_error"]) == (0, None)
+    assert table(parts).splitlines()[-1].split("|")[-2].strip() == "-"
 
 
 def test_no_boxes_at_all():

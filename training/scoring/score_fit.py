@@ -147,14 +147,17 @@ def counted_vehicles(frames: Sequence[Candidates], low: int = MIN_POINTS, high: 
     return int(sum(((f.points >= low) & (f.points < high)).sum() for f in frames))
 
 
-def care(frames: Sequence[Candidates], scores: Sequence[np.ndarray]):
-    """Scores (S,) and whether the box is right (S,), of the boxes that `samples` takes."""
+def counted_boxes(
+    frames: Sequence[Candidates], scores: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scores (S,) and whether the box is right (S,) bool, of the boxes that `samples` takes."""
     parts = [(np.zeros(0), np.zeros(0, bool))]
     for frame, value in zip(frames, scores, strict=True):
         right = frame.right(RIGHT_IOU)
         rows = right | ~frame.ignorable
         parts.append((value[rows], right[rows]))
-    return tuple(map(np.concatenate, zip(*parts, strict=True)))
+    found, right = map(np.concatenate, zip(*parts, strict=True))
+    return found, right
 
 
 def choose_penalty(
@@ -165,6 +168,6 @@ def choose_penalty(
     for penalty in grid:
         found = ScoreFit(domains, penalty).cross_validated(folds)
         pairs = zip(domains, found, strict=True)
-        losses[penalty] = float(np.mean([log_loss(*care(d.frames, s)) for d, s in pairs]))
+        losses[penalty] = float(np.mean([log_loss(*counted_boxes(d.frames, s)) for d, s in pairs]))
     best = min(losses, key=losses.__getitem__)
     return best, {f"plain {p.plain:g}, FC1 {p.fc1}": loss for p, loss in losses.items()}

@@ -16,7 +16,7 @@ from metrics.scored_boxes import (
     threshold_at_precision,
 )
 from training.scoring.box_candidates import Candidates
-from training.scoring.score_fit import MIN_POINTS, care, counted_vehicles, scored
+from training.scoring.score_fit import MIN_POINTS, counted_boxes, counted_vehicles, scored
 
 PRECISION = 0.9
 MIN_IOUS = (0.25, 0.5)
@@ -25,7 +25,7 @@ POINTS = {"all": (MIN_POINTS, np.inf), "10 to 50 points": (10, 50), "50 points":
 
 def report(frames: list[Candidates], scores: list[np.ndarray], min_score: float) -> dict[str, Any]:
     """Calibration of the scores, and recall before (agreement) and after."""
-    probability, right = care(frames, scores)
+    probability, right = counted_boxes(frames, scores)
     kept = probability >= min_score
     metrics: dict[str, Any] = {
         "frames": len(frames),
@@ -88,11 +88,16 @@ def draw(parts: dict[str, dict[str, Any]], path: Path) -> None:
             panel.annotate(
                 f"{count:g}", (mean, share), fontsize=7, textcoords="offset points", xytext=(4, -8)
             )
-        error = metrics["expected_calibration_error"]
         panel.set(xlabel="mean score", ylabel="share right at IoU 0.5", xlim=(0, 1), ylim=(0, 1))
-        panel.set_title(f"{name}: calibration error {error:.3f}")
+        panel.set_title(f"{name}: calibration error {_shown(metrics)}")
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=130)
+
+
+def _shown(metrics: dict[str, Any]) -> str:
+    """The calibration error with three digits; a dash where there are no boxes."""
+    error = metrics["expected_calibration_error"]
+    return "-" if error is None else f"{error:.3f}"
 
 
 def table(parts: dict[str, dict[str, Any]]) -> str:
@@ -102,6 +107,5 @@ def table(parts: dict[str, dict[str, Any]]) -> str:
         for min_iou in MIN_IOUS:
             both = metrics[f"IoU {min_iou}"]
             cells = [f"{both['before'][p]:.3f} -> {both['after'][p]:.3f}" for p in POINTS]
-            error = f"{metrics['expected_calibration_error']:.3f}"
-            rows.append([name, str(min_iou), *cells, error])
+            rows.append([name, str(min_iou), *cells, _shown(metrics)])
     return markdown(["drives", "IoU", *POINTS, "calibration error"], rows)
