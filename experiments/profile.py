@@ -125,7 +125,7 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     rng = np.random.default_rng(0)
     found = {
         "read the scan": Timed(median_seconds(lambda: read_scan(paths[1]), repeats)),
-        "crop and sample": Timed(
+        "read, crop and sample": Timed(
             median_seconds(lambda: sample_points(sequence.read_points_level(1), n, rng), repeats)
         ),
         "indices": Timed(

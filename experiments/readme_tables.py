@@ -28,8 +28,8 @@ from experiments.runs import TRACKER_NAMES, shown
 TABLES = ROOT / "docs" / "tables"
 PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # also in the line of the record
-EXAMS = {"simulated": "validation", "real": "real"}
-DISTANCES = ("0.0", "2.0")  # metres, as the exams' files name them
+EVALUATIONS = {"simulated": "validation", "real": "real"}
+DISTANCES = ("0.0", "2.0")  # metres, as the files of evaluations name them
 BASELINES = ("sort", "deep_sort", "ab3dmot")
 
 
@@ -52,7 +52,9 @@ def filled(text: str, tables: Path, name: str = "README.md") -> str:
 
 def _table(tables: Path, name: str) -> str:
     if name == "summary":
-        return summary(*(_read(tables / f"{exam}.json")["figures"] for exam in EXAMS.values()))
+        return summary(
+            *(_read(tables / f"{part}.json")["figures"] for part in EVALUATIONS.values())
+        )
     path, record = tables / f"{name}.md", tables / f"{name}.json"
     if not path.is_file():
         return "Not measured yet; the command above makes it.\n"
@@ -79,19 +81,19 @@ def record_line(made: dict[str, Any]) -> str:
     )
 
 
-def summary(*exams: dict[str, list[dict[str, float]]]) -> str:
-    """MOTA of every tracker in every exam and in the paper, and the trackers ahead of ours."""
-    columns = [(exam, distance) for exam in exams for distance in DISTANCES]
-    heads = [f"{data}, D = {float(d):g} m" for data in (*EXAMS, "paper") for d in DISTANCES]
+def summary(*evaluations: dict[str, list[dict[str, float]]]) -> str:
+    """MOTA of every tracker in every evaluation and in the paper; the trackers ahead of ours."""
+    columns = [(part, distance) for part in evaluations for distance in DISTANCES]
+    heads = [f"{data}, D = {float(d):g} m" for data in (*EVALUATIONS, "paper") for d in DISTANCES]
     lines = []
     for boxes, title in (("", ""), (" on true boxes", ", true boxes")):
         for tracker in SIDE_BY_SIDE:
             name = TRACKER_NAMES[tracker]
             key = f"MOTA@0.5, {tracker}{boxes}"
-            if any(key in exam[distance][0] for exam, distance in columns):
-                cells = [shown([f[key] for f in exam[d]], 3) for exam, d in columns]
+            if any(key in part[distance][0] for part, distance in columns):
+                cells = [shown([f[key] for f in part[d]], 3) for part, d in columns]
                 lines.append([name + title, *cells, *_paper(name, "gt" if boxes else "predicted")])
-    return markdown(["MOTA, 3-D IoU 0.5", *heads], lines) + "\n" + _behind(exams, heads)
+    return markdown(["MOTA, 3-D IoU 0.5", *heads], lines) + "\n" + _behind(evaluations, heads)
 
 
 def _paper(name: str, boxes: str) -> list[str]:
@@ -99,8 +101,8 @@ def _paper(name: str, boxes: str) -> list[str]:
     return ["-" if rows is None else f"{rows[float(d)][0]:.3f}" for d in DISTANCES]
 
 
-def _behind(exams: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[str]) -> str:
-    columns = [exam[distance] for exam in exams for distance in DISTANCES]
+def _behind(evaluations: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[str]) -> str:
+    columns = [part[distance] for part in evaluations for distance in DISTANCES]
     parts = []
     for head, figures in zip(heads, columns, strict=False):
         ours, *others = (

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from common.errors import InputError
+from common.flags import run
 from experiments import ab3dmot, figure5, table5
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, TABLE5, TABLE5_COLUMNS
 from experiments.runs import Run, mean_and_spread, measure, over_seeds, shown
@@ -126,9 +126,13 @@ def test_ab3dmot_table_stands_beside_the_published_rows(tiny_root, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "a", "0,,1", "-1", "nan", "1e9"])
-def test_bad_distances(text):
-    with pytest.raises(InputError, match="--distances"):
-        figure5.parse_distances(text)
+def test_bad_distances(tiny_root, tmp_path, text, capsys):
+    argv = arguments(tiny_root, tmp_path / "out", "--distances", text)
+    with pytest.raises(SystemExit) as stopped:
+        raise SystemExit(run(figure5.main, argv))
+    assert stopped.value.code == 2
+    assert re.search("--distances|--object_shift", capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
 
 
 def test_papers_numbers_are_consistent():
