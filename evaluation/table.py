@@ -35,7 +35,7 @@ def full_table(
     metrics: Mapping[str, Any], command: str, thresholds: Mapping[str, float | None]
 ) -> str:
     """`table.md`: over all sequences, then one table per protocol with a row per sequence."""
-    head = f"# Figures\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(thresholds)}"
+    head = f"# Metrics\n\nMade by `{command}`; ratios are fractions.\n{threshold_line(thresholds)}"
     text = f"{head}\n{overall_table(metrics)}"
     for name, part in metrics.items():
         columns = list(part["overall"] if name == "hota" else CLEAR_COLUMNS)

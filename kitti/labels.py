@@ -66,8 +66,8 @@ def read_results(path: str | Path, num_frames: int | None = None, tracked: bool 
     """Reads a tracker's result file: label columns and a score; empty means no tracks.
 
     Files without a score column are accepted, as in the devkit: scores are NaN. Rows of 2-D
-    trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids are required and unique in
-    their frame, unless `tracked` is False (detections).
+    trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids are required, each
+    once per class in a frame, unless `tracked` is False (detections).
 
     Raises:
         InputError: as `read_labels`.
@@ -146,6 +146,7 @@ def check_boxes(
 
 
 def refuse_magnitudes(table: Table, values: np.ndarray, score: np.ndarray) -> None:
+    """Refuses numbers (R, C) beyond `MAX_NUMBER` and scores (R,) beyond `MAX_SCORE`."""
     beyond = (np.abs(values) > MAX_NUMBER).any(axis=1)
     table.refuse(beyond, f"expected numbers of magnitude {MAX_NUMBER:.0e} at most")
     table.refuse(
@@ -192,6 +193,7 @@ def _unique_ids(
 
 
 def sorted_by_frame(objects: Objects) -> Objects:
+    """The rows by frame, those of a frame in their order."""
     return objects if objects._in_order else objects[np.argsort(objects.frame, kind="stable")]
 
 

@@ -25,7 +25,13 @@ class AugmentationConfig:
     rotation: float = note(0.35, "about the vertical, uniform in [-x, x] radians", 0, 3.15)
     scale: float = note(0.05, "uniform in [1 - x, 1 + x]", 0, 0.9)
     height: float = note(0.2, "of the whole scan, uniform in [-x, x] metres", 0, 100)
-    dropout: float = note(0.3, "share of the points left out, uniform in [0, x]", 0, 0.95)
+    dropout: float = note(
+        0.3,
+        "share of the points left out, uniform in [0, x]; in the frames of a pair uniform in "
+        "[0, u], with one u of the pair uniform in [0, x]",
+        0,
+        0.95,
+    )
     object_shift: float = note(
         2.0,
         "D of section IV.D: every labelled object moves by a length from [0, D] metres",

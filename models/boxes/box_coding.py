@@ -12,11 +12,11 @@ from tf_ops.shapes import sizes
 class BoxTargets(NamedTuple):
     """A box per point, encoded. Undefined (zero) where the point is background."""
 
-    center_offset: np.ndarray  # (..., 3) metres, level frame: box centre - point
+    center_offset: np.ndarray  # (..., 3) float32 metres, level frame: box centre - point
     heading_bin: np.ndarray  # (...) int32
-    heading_residual_normalized: np.ndarray  # (...) in half bins, [-1, 1]
+    heading_residual_normalized: np.ndarray  # (...) float32 in half bins, [-1, 1]
     size_template: np.ndarray  # (...) int32
-    size_residual_normalized: np.ndarray  # (..., 3) size / template - 1
+    size_residual_normalized: np.ndarray  # (..., 3) float32: size / template - 1
     semantic_class: np.ndarray  # (...) int32 index into config.classes
 
 

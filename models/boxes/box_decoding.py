@@ -19,7 +19,7 @@ class Detections(NamedTuple):
 
     boxes: np.ndarray  # (M, 7) float32 level frame
     scores: np.ndarray  # (M,) float32 in [0, 1]
-    classes: np.ndarray  # (M,) int32
+    classes: np.ndarray  # (M,) int32 index into the classes of BoxCodingConfig
 
 
 class Proposals(NamedTuple):

@@ -62,8 +62,14 @@ def test_table_1():
     rows = [(layer.num_points, layer.radius, layer.widths) for layer in tracker.set_abstraction]
     assert rows == [(2048, 0.5, (32, 32, 64)), (512, 1.0, (64, 64, 128))]
     assert (tracker.association_radius, tracker.association_widths) == (5.0, (128, 128))
+    sa3 = tracker.refinement_abstraction
+    assert (sa3.num_points, sa3.radius, sa3.widths) == (32, 4.0, (256, 256))
     rows = [(layer.radius, layer.widths) for layer in tracker.refinement_upconv]
     assert rows == [(4.0, (256, 256)), (1.0, (128, 256, 256))]
+    assert (tracker.propagation_widths, tracker.fc1_width) == ((256, 256), 128)
+    # section IV.B: N, N', K
+    assert (detector.num_points, tracker.num_kept_points) == (15000, 5000)
+    assert tracker.association_neighbors == 64
 
 
 def test_detector_shapes():

@@ -23,7 +23,7 @@ class DetectorSample(NamedTuple):
     points: np.ndarray  # (N, 3) float32
     query: np.ndarray  # (Q, 3) float32
     foreground: np.ndarray  # (Q,) int32
-    mask_weights: np.ndarray  # (Q,) float32; 0 in DontCare regions
+    mask_weights: np.ndarray  # (Q,) float32; 0 on background in DontCare regions
     box_weights: np.ndarray  # (Q,) float32; 0 on background
     targets: BoxTargets  # (Q, ...)
 
@@ -125,7 +125,10 @@ def detector_sample(
 
 
 def _query_rows(labels, ignored, count: int, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Query-point rows and mask weights; sampled background is re-weighted to the full count."""
+    """Query-point rows and mask weights: each part, if sampled, is re-weighted to its full count.
+
+    labels (N,) object of each point or -1, ignored (N,) bool -> rows (Q,), weights (Q,) float32.
+    """
     known = (~ignored | (labels >= 0)).astype(np.float32)
     if not 0 < count < len(labels):
         return np.arange(len(labels)), known
