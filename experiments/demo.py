@@ -46,11 +46,7 @@ Row = tuple[str, list[str]]
 
 @dataclass(frozen=True)
 class DemoConfig:
-    """Settings of demo.py, one flag per field; the defaults take less than five minutes on 2 cores.
-
-    The default score threshold was chosen on the simulated training sequence 0011 (90 frames, both
-    object shifts; 0.2 to 0.4 were tried).
-    """
+    """Settings of demo.py, one flag per field; the defaults take minutes on two cores."""
 
     out: Path = option(Path("results/demo"), "output folder")
     weights: Path = option(Path("weights"), "folder of the networks' weights")
@@ -268,14 +264,14 @@ class Demo:
         first = next(iter(self.scenes.values()))
         return {
             "source": "simulated, held-out traffic" if self.simulated else str(self.data_root),
-            "sequences": {scene.name: scene.num_frames for scene in first},
+            "sequences": {scene.name: len(scene.frames) for scene in first},
         }
 
     def _notes(self) -> list[str]:
         source = (
             "Our rows: simulated traffic that is held out of training"
             if self.simulated
-            else f"Our rows: {self.data_root}, with networks trained on simulation only"
+            else f"Our rows: {self.data_root}"
         )
         frames = sum(self._data()["sequences"].values())
         return [

@@ -9,7 +9,7 @@ and Algorithm 1 with the displacement of the labels, an upper bound. With `--wei
 PointTrackNet with the displacement its network predicts, and all trackers on the network's boxes.
 PointRCNN's boxes are of cars, so their table, and a second one of true boxes, is of Car alone.
 Mean and standard deviation over `--seeds` of the object shift. Writes table5.md and table5.json.
-Without networks it takes minutes; the networks run once for each seed, about 0.2 s a frame.
+Without networks it takes minutes; the networks run once for each seed, about 0.25 s a frame.
 """
 
 from collections.abc import Sequence

@@ -5,7 +5,7 @@
 The paper's row is of KITTI's test server, whose labels are not public. This table measures the
 trackers under the same protocol (`kitti2d`: cars, 2-D IoU 0.5, KITTI's ignore rules) on sequences
 with labels, so the rows compare with each other and not with the paper's. The networks run once,
-about 0.2 s a frame. Writes table6.md and table6.json.
+about 0.25 s a frame. Writes table6.md and table6.json.
 """
 
 from collections.abc import Sequence
