@@ -140,12 +140,11 @@ def in_camera_view(
     points_level: np.ndarray,
     calib: Calibration,
     image_size: tuple[int, int] = IMAGE_SIZE,
-    min_depth: float = MIN_DEPTH,
 ) -> np.ndarray:
     """(n,) bool: the points (n, >= 3, level frame) inside the left colour image."""
     uv, depth = calib.project_level(points_level[:, :3])
     width, height = image_size
-    seen = depth > min_depth
+    seen = depth > MIN_DEPTH
     seen &= (uv[:, 0] >= 0) & (uv[:, 0] < width)
     seen &= (uv[:, 1] >= 0) & (uv[:, 1] < height)
     return seen

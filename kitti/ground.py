@@ -83,18 +83,14 @@ def fit_ground(points_level: np.ndarray) -> GroundModel:
     return GroundModel(surface, span, cells.origin, GROUND.cell_m, correction)
 
 
-def ground_mask(
-    points_level: np.ndarray,
-    model: GroundModel | None = None,
-    threshold_m: float = GROUND.threshold_m,
-) -> np.ndarray:
-    """(n,) bool: points less than `threshold_m` above the ground, or below it.
+def ground_mask(points_level: np.ndarray, model: GroundModel | None = None) -> np.ndarray:
+    """(n,) bool: points less than `GROUND.threshold_m` above the ground, or below it.
 
     `points_level` is (n, >= 3); without a `model` one is fitted to the points.
     """
     model = fit_ground(points_level) if model is None else model
     points_level = np.asarray(points_level)
-    return points_level[:, 2] - model.height(points_level[:, :2]) < threshold_m
+    return points_level[:, 2] - model.height(points_level[:, :2]) < GROUND.threshold_m
 
 
 @dataclass(frozen=True, eq=False)

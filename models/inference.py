@@ -28,6 +28,7 @@ from models.tracker import EncodedFrame, TrackerInputs, TrackingNetwork
 
 ALL_POINTS = 4 / 3
 """Times N: the most points of a scan that inference takes; a scan of KITTI has 16000 to 20500."""
+SEED = 0  # of the sampling of points, with the number of the frame
 COMPILED = {"jit_compile": False, "autograph": False}
 """Of `tf.function`: the control flow is Python's alone, and AutoGraph would slow the first call."""
 
@@ -105,8 +106,6 @@ class StreamingNetwork:
     Args:
         detector, tracker, scorer: as `models.weights.load_networks` gives them; without a scorer
             boxes are scored by agreement.
-        decoding: parameters of the decoding of boxes.
-        seed: of the sampling of points.
         min_score: least score of a box; None: the scorer's, without one that of `decoding`.
         max_points: of a scan that enter the detector, at least its N; None: `ALL_POINTS` N.
     """
@@ -117,16 +116,14 @@ class StreamingNetwork:
         tracker: TrackingNetwork,
         scorer: BoxScorer | None = None,
         *,
-        decoding: DecodingConfig | None = None,
-        seed: int = 0,
         min_score: float | None = None,
         max_points: int | None = None,
     ):
         self.detector, self.tracker, self.scorer = detector, tracker, scorer
-        self.decoding = decoding or DecodingConfig()
+        self.decoding = DecodingConfig()
         default = self.decoding.min_score if scorer is None else scorer.min_score
         self.min_score = default if min_score is None else min_score
-        self.seed, self.max_points = seed, max_points
+        self.max_points = max_points
         fold_batch_norm(detector)
         fold_batch_norm(tracker)
         least = self.decoding.min_probability
@@ -135,8 +132,8 @@ class StreamingNetwork:
         self._associate = tf.function(tracker.displacement, **COMPILED)
 
     def sample(self, points: np.ndarray, t: int) -> np.ndarray:
-        """(n, >=3) points -> (1, count, 3) chosen by seed and t, see `sample_scan`."""
-        rng = np.random.default_rng([self.seed, t])
+        """(n, >=3) points -> (1, count, 3) in an order fixed by t, see `sample_scan`."""
+        rng = np.random.default_rng([SEED, t])
         return sample_scan(points, self.detector.config, self.max_points, rng)
 
     def detect(self, points: np.ndarray, t: int = 0) -> FrameState:
@@ -144,7 +141,7 @@ class StreamingNetwork:
 
         Args:
             points: (n, >=3) float, level frame, metres, camera crop; n may be 0.
-            t: frame number; with the seed it fixes which points are sampled.
+            t: frame number; it fixes which points are sampled, and in which order.
 
         Returns:
             FrameState; without points its arrays are empty and `encoded` is None. The tracker

@@ -14,11 +14,11 @@ def focal_loss(logits: tf.Tensor, labels: tf.Tensor, gamma: float) -> tf.Tensor:
     return -tf.pow(1.0 - tf.exp(log_pt), gamma) * log_pt
 
 
-def huber(error: tf.Tensor, delta: float = 1.0) -> tf.Tensor:
-    """Huber loss, elementwise (Frustum PointNets)."""
+def huber(error: tf.Tensor) -> tf.Tensor:
+    """Huber loss, elementwise, quadratic up to 1 (Frustum PointNets)."""
     size = tf.abs(error)
-    quadratic = tf.minimum(size, delta)
-    return 0.5 * tf.square(quadratic) + delta * (size - quadratic)
+    quadratic = tf.minimum(size, 1.0)
+    return 0.5 * tf.square(quadratic) + (size - quadratic)
 
 
 def weighted_mean(values: tf.Tensor, weights: tf.Tensor, normalizer: tf.Tensor) -> tf.Tensor:

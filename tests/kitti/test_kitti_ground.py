@@ -69,8 +69,9 @@ def test_threshold_is_a_height():
     points, _ = _scene(FLAT, 0)
     model = fit_ground(points)
     (z,) = model.height(np.array([[20.0, 0]]))
-    probe = np.array([[20.0, 0, z - 1], [20.0, 0, z + 0.29], [20.0, 0, z + 0.31]])
-    assert ground_mask(probe, model, threshold_m=0.3).tolist() == [True, True, False]
+    probe = np.array([[20.0, 0, z - 1], [20.0, 0, z + 0.19], [20.0, 0, z + 0.21]])
+    assert GROUND.threshold_m == 0.2
+    assert ground_mask(probe, model).tolist() == [True, True, False]
 
 
 def test_stray_points_below_the_road_do_not_pull_it_down():

@@ -66,7 +66,8 @@ def test_camera_view(calib):
     edge = np.array([[20.0, -17.4, 0], [20.0, -17.6, 0]])
     assert in_camera_view(edge, calib).tolist() == [True, False]
     assert in_camera_view(edge, calib, image_size=(1300, 375)).all()
-    assert in_camera_view(points[:1], calib, min_depth=25.0).tolist() == [False]
+    lens = np.array([[0.05, -0.01, 0], [0.2, -0.01, 0]])  # before the lens, nearer than MIN_DEPTH
+    assert in_camera_view(lens, calib).tolist() == [False, True]
 
 
 @given(count=st.integers(1, 40), n=st.integers(0, 60), seed=st.integers(0, 9))

@@ -32,7 +32,7 @@ def test_a_stream_equals_the_two_graphs(network):
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
 
 
-def test_sampling_depends_on_seed_and_frame_alone(network):
+def test_sampling_depends_on_the_frame_alone(network):
     scan = cloud(1, 300)[0]
     np.testing.assert_array_equal(network.sample(scan, 3), network.sample(scan, 3))
     assert not np.array_equal(network.sample(scan, 3), network.sample(scan, 4))
