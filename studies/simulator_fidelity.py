@@ -1,8 +1,9 @@
 """Simulated against real scans: KITTI tracking sequence 0000, replayed from its own labels.
 
-`python -m studies.simulator_fidelity --data_root ../shared/kitti --out DIR` simulates the
-frames that have real scans, prints the table (goals beside it), writes it to DIR/fidelity.json
-and draws bird's-eye views and range images side by side. Without the data it prints a note.
+    python -m studies.simulator_fidelity --data_root KITTI --out DIR
+
+Simulates the frames that have real scans, prints the table (goals beside it), writes it to
+DIR/fidelity.json, and draws bird's-eye views and range images side by side (fidelity.png).
 """
 
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.errors import InputError
 from common.files import write_json
 from common.flags import ArgumentParser, non_negative_int, positive_int, run
 from common.markdown import markdown
@@ -19,7 +21,7 @@ from common.provenance import provenance
 from kitti.objects import VEHICLES
 from kitti.sequence import KittiSequence
 from simulator.drives.replay import Replay, replay
-from simulator.fidelity import compare_frame, summarise
+from simulator.fidelity import FrameCounts, compare_frame, summarise
 from simulator.sensor_model.frames import Options, take_sweep
 
 GOALS = {
@@ -36,8 +38,8 @@ GOALS = {
 
 def parser() -> ArgumentParser:
     """The flags."""
-    result = ArgumentParser(description=__doc__)
-    result.add_argument("--data_root", type=Path, default=Path("../shared/kitti"), help="KITTI")
+    result = ArgumentParser(description=__doc__.split("\n")[0])
+    result.add_argument("--data_root", type=Path, required=True, help="KITTI's tracking layout")
     result.add_argument("--out", type=Path, required=True, help="folder for table and pictures")
     result.add_argument("--seq", type=non_negative_int, default=0, help="sequence with scans")
     result.add_argument("--every", type=positive_int, default=1, help="use every n-th frame")
@@ -110,36 +112,52 @@ def _range_image(axes, xyz) -> None:
     axes.set(xlim=(-42, 42), ylim=(-17, 3.5), xlabel="azimuth, degrees", ylabel="elevation")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Prints and writes the table; returns 0, also without the data."""
+def frames_with_scans(sequence: KittiSequence, pictures: Sequence[int]) -> list[int]:
+    """The frames to compare; raises InputError without any, or for a picture of another frame."""
+    sequence.check_scans()
+    frames = [frame for frame in sequence.frames if sequence.has_scan(frame)]
+    lacking = sorted(set(pictures) - set(frames))
+    if lacking:
+        raise InputError(f"--pictures: expected frames with scans, found {lacking[0]}")
+    return frames
+
+
+def world_of(sequence: KittiSequence, seed: int) -> Replay:
+    """The sequence's objects in a random world."""
+    return replay(sequence, np.random.default_rng((seed, sequence.seq, 2**20)))
+
+
+def compare_world(sequence: KittiSequence, frames: Sequence[int], seed: int) -> list[FrameCounts]:
+    """The measures of every frame, simulated in the world of a seed, see `compare_frame`."""
+    world, found = world_of(sequence, seed), []
+    for frame in progress(frames, len(frames), f"world {seed}", "frames"):
+        real, made = sequence.read_points_level(frame), simulate(sequence, world, frame, seed)
+        boxes = sequence.objects.at(frame).of_classes(VEHICLES).boxes
+        found.append(compare_frame(real, made, boxes, sequence.calib))
+    return found
+
+
+def draw_frames(path: Path, sequence: KittiSequence, frames: Sequence[int]) -> None:
+    """Draws real and simulated scans of some frames, in the world of seed 1."""
+    world = world_of(sequence, 1)
+    pairs = [(f, sequence.read_points_level(f), simulate(sequence, world, f, 1)) for f in frames]
+    draw(path, sequence, pairs)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Prints and writes the table, draws the pictures."""
     flags = parser().parse_args(argv)
-    if not (flags.data_root / "training" / "velodyne" / f"{flags.seq:04d}").is_dir():
-        print(f"skipped: no real scans of sequence {flags.seq:04d} in {flags.data_root}")
-        return 0
     sequence = KittiSequence(flags.data_root, flags.seq)
-    usable = [frame for frame in sequence.frames if sequence.has_scan(frame)]
-    figures, pairs = [], []
-    for seed in range(1, flags.seeds + 1):
-        world = replay(sequence, np.random.default_rng((seed, flags.seq, 2**20)))
-        frames = usable[:: flags.every]
-        for frame in progress(frames, len(frames), f"world {seed}", "frames"):
-            real, made = sequence.read_points_level(frame), simulate(sequence, world, frame, seed)
-            boxes = sequence.objects.at(frame).of_classes(VEHICLES).boxes
-            figures.append(compare_frame(real, made, boxes, sequence.calib))
-        if seed == 1:
-            pairs = [
-                (f, sequence.read_points_level(f), simulate(sequence, world, f, seed))
-                for f in flags.pictures
-            ]
-    rows = summarise(figures)
+    frames = frames_with_scans(sequence, flags.pictures)[:: flags.every]
+    seeds = range(1, flags.seeds + 1)
+    rows = summarise([row for seed in seeds for row in compare_world(sequence, frames, seed)])
     print(table(rows), end="")
     missed = [k for k, (a, b) in GOALS.items() if rows[k] is None or not a <= rows[k] <= b]
     print("goals missed: " + (", ".join(missed) or "none"), file=sys.stderr)
     record = provenance(figures=rows, goals=GOALS, missed=missed, seeds=flags.seeds)
     write_json(flags.out / "fidelity.json", record)
-    if pairs:
-        draw(flags.out / "fidelity.png", sequence, pairs)
-    return 0
+    if flags.pictures:
+        draw_frames(flags.out / "fidelity.png", sequence, flags.pictures)
 
 
 if __name__ == "__main__":

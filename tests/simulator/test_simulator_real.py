@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import two_cars
 
 from common.flags import run
 from kitti.boxes import points_in_boxes
@@ -63,10 +64,15 @@ def test_fidelity_meets_its_goals(kitti_root, tmp_path, capsys):
     assert (tmp_path / "fidelity.png").stat().st_size > 10000
 
 
-def test_fidelity_is_skipped_without_data(tmp_path, capsys):
+def test_fidelity_needs_scans(tmp_path, capsys):
+    two_cars.write_sequence(tmp_path, 0, frames=2, missing=(0, 1))
+    two_cars.write_sequence(tmp_path, 1, frames=2)
     flags = ["--data_root", str(tmp_path), "--out", str(tmp_path / "out")]
-    assert run(simulator_fidelity.main, flags) == 0
-    assert "skipped" in capsys.readouterr().out
+    assert run(simulator_fidelity.main, flags) == 2
+    assert "found none" in capsys.readouterr().err
+    assert run(simulator_fidelity.main, [*flags, "--seq", "1"]) == 2
+    assert "--pictures: expected frames with scans, found 20" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_fidelity_figures():
