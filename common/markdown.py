@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 
-def cell(value: Any) -> str:
-    """Ratios with four decimals, counts as they are, a dash for an undefined value."""
+def cell(value: Any, decimals: int = 4) -> str:
+    """Ratios with so many decimals, counts as they are, a dash for an undefined value."""
     if value is None:
         return "-"
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
+    return f"{value:.{decimals}f}" if isinstance(value, float) else str(value)
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

@@ -299,16 +299,12 @@ def comparison_rows(records: Mapping[float, Mapping[str, Any]], ours: str) -> li
         for tracker, record in trackers.items():
             name, metrics = TRACKER_NAMES[tracker], record["clear3d"]["overall"]
             seconds = record["seconds_per_frame"]["total"]
-            cells = [_cell(metrics[column]) for column in TABLE5_COLUMNS]
+            cells = [cell(metrics[column], 3) for column in TABLE5_COLUMNS]
             kind = "ours" if tracker == "pointtracknet" else ""
             rows.append((kind, [name, f"{distance:g}", ours, *cells, f"{seconds:.3f}"]))
             printed = TABLE5["predicted"].get(name, {}).get(distance)
             if printed is not None:
                 time = PAPER_SECONDS.get(name)
-                cells = [_cell(value) for value in printed]
-                rows.append(("paper", [name, f"{distance:g}", PAPER, *cells, _cell(time)]))
+                cells = [cell(value, 3) for value in (*printed, time)]
+                rows.append(("paper", [name, f"{distance:g}", PAPER, *cells]))
     return rows
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.3f}" if isinstance(value, float) else cell(value)

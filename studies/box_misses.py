@@ -16,7 +16,7 @@ import numpy as np
 
 from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, positive_int, run
-from common.markdown import markdown
+from common.markdown import cell, markdown
 from common.provenance import provenance
 from kitti.boxes import points_in_boxes
 from kitti.seqmap import parse_sequences
@@ -59,14 +59,8 @@ def table(rows: list[dict[str, Any]], command: str) -> str:
     """One line for each missed vehicle, as Markdown."""
     names = ("drive", "frame", "range", "length", "points", "mask", "proposals", "IoU", "score")
     named = ({**row, "drive": Path(row["drive"]).name} for row in rows)
-    cells = [[_cell(row[name]) for name in names] for row in named]
+    cells = [[cell(row[name], 2) for name in names] for row in named]
     return markdown(names, cells) + f"\n`{command}`\n"
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
