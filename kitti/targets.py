@@ -1,4 +1,4 @@
-"""Training targets: foreground points and association displacements."""
+"""Training targets: foreground points and association displacements (section IV.A)."""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""The detector graph (Table I, DET): points -> foreground mask, boxes, point features."""
+"""The point-wise feature extractor, that is the detector (section III.1; Table I, DET).
+
+Points -> foreground mask, boxes, point features.
+"""
 
 from typing import NamedTuple
 

@@ -1,4 +1,7 @@
-"""The losses of section III.5, equations (1) to (5): one function per term.
+"""The losses of section III.5, equations (2) to (5): one function per term.
+
+Equation (1) adds those of the two networks, which are trained one after the other (section IV.B),
+so their sum is never needed.
 
 Every function returns a scalar float32: a mean over the weighted points of the local batch,
 divided by `normalizer` where one is given: the shards of a joint batch add up to its loss.

@@ -1,4 +1,8 @@
-"""The tracker graph (Table I, TRA): features of two frames -> association displacement."""
+"""The tracker network (Table I, TRA): features of two frames -> association displacement.
+
+Its association module (section III.2) is the probability filter, SA1, SA2 and the association head,
+its refinement module (section III.3) the rest.
+"""
 
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Algorithm 1 of the paper, "Association to Trajectory" (section III.4).
+"""Algorithm 1 of the paper, "Association to Trajectory": the trajectory generator (section III.4).
 
 The boxes of frame t-1 are moved by the displacement of the points inside them and matched to the
 boxes of frame t by IoU, here the generalised one (GIoU), which also ranks boxes that do not
