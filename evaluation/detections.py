@@ -14,7 +14,7 @@ from common.errors import InputError
 from common.notes import note
 from evaluation.scene import Scene
 from kitti.objects import VEHICLES, Objects
-from tracking.frame_detections import FrameDetections
+from tracking.frame_detections import FOREGROUND, FrameDetections
 
 if TYPE_CHECKING:
     from models.inference import FrameState, StreamingNetwork
@@ -93,7 +93,8 @@ class NetworkStream:
         found = state.detections
         motion = {} if previous is None else self._motion(previous, state)
         types = self.class_names[found.classes]
-        return FrameDetections(t, found.boxes, found.scores, types, **motion)
+        mask = state.points[state.foreground >= FOREGROUND]
+        return FrameDetections(t, found.boxes, found.scores, types, **motion, mask=mask)
 
     def _motion(self, previous: "FrameState", current: "FrameState") -> dict[str, np.ndarray]:
         """Points of the earlier frame and their motion; none where the later one has no points.

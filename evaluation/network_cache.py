@@ -28,7 +28,7 @@ from evaluation.scene import Scene
 from models.boxes.box_score import FILE_NAME as SCORER
 from tracking.frame_detections import FrameDetections
 
-FORMAT = 4
+FORMAT = 5
 PACKAGES = ("numpy", "tensorflow", "keras")
 BOXES = ("boxes", "scores", "types", "appearance")
 MOTION = ("points", "displacement", "foreground")
@@ -119,10 +119,12 @@ class CachedPredictions:
         arrays = self._arrays(scene)
         boxes = np.concatenate([[0], np.cumsum(arrays["box_count"])])
         points = np.concatenate([[0], np.cumsum(arrays["point_count"])])
+        mask = np.concatenate([[0], np.cumsum(arrays["mask_count"])])
         for i, t in enumerate(scene.frames):
             rows, part = slice(boxes[i], boxes[i + 1]), slice(points[i], points[i + 1])
-            motion = {name: arrays[name][part] for name in MOTION} if i else {}
-            yield FrameDetections(t, **{name: arrays[name][rows] for name in BOXES}, **motion)
+            found = {name: arrays[name][part] for name in MOTION} if i else {}
+            found |= {name: arrays[name][rows] for name in BOXES}
+            yield FrameDetections(t, **found, mask=arrays["mask"][mask[i] : mask[i + 1]])
 
     def seconds(self, scene: Scene) -> np.ndarray:
         """(F, 3) float64: of each frame, detector, tracker network, pooling of the appearance."""
@@ -191,6 +193,8 @@ def _write(path: Path, frames: list[FrameDetections], seconds: list[list[float]]
         points=np.concatenate(points).astype(np.float32),
         foreground=np.concatenate(foreground).astype(np.float32),
         displacement=np.concatenate(displacement).astype(np.float32),
+        mask_count=[len(f.mask) for f in frames],
+        mask=np.concatenate([f.mask for f in frames]).astype(np.float32),
         seconds=np.array(seconds).reshape(-1, 3),
     )
 

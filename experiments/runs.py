@@ -30,7 +30,7 @@ SPAWN = get_context("spawn")
 """Workers are spawned: a process forked beside TensorFlow's threads may deadlock."""
 TRACKER_NAMES = {
     "pointtracknet": "PointTrackNet",
-    "pointtracknet_iou": "PointTrackNet, IoU",
+    "pointtracknet_published": "PointTrackNet, as published",
     "pointtracknet_probation": "PointTrackNet, probation of 3",
     "sort": "SORT",
     "sort_image": "SORT, image boxes",

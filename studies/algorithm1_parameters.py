@@ -49,7 +49,7 @@ TRIALS = (
         for tau in taus
     ),
     *(Trial(0.2, {"max_age": age}) for age in (0, 1, 3, 5, 10)),
-    *(Trial(0.2, {"max_age": age, "report_lost": True}) for age in (1, 3)),
+    *(Trial(0.2, {"lost_frames": frames, "lost_points": 0}) for frames in (1, 3)),
     *(Trial(0.2, {"min_hits": hits}) for hits in (2, 3)),
 )
 

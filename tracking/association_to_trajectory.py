@@ -12,13 +12,14 @@ import numpy as np
 
 from common.errors import InputError
 from kitti.boxes import points_in_boxes
+from kitti.iou import iou_3d
 from tracking.assignment import greedy
-from tracking.frame_detections import FrameDetections
+from tracking.frame_detections import FOREGROUND, FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
 from tracking.life_cycle import LifeCycle, Track
 from tracking.similarity import SIMILARITY, check_similarity
 
-FOREGROUND = 0.5  # least probability of a foreground point
+SETTLED = 3  # detections of a track whose lost object is reported, as the baselines' probation
 TAU = {"iou_3d": 0.01, "giou_3d": -0.4}
 """Least similarity of a match where no tau is given: chosen on training sequences."""
 
@@ -35,7 +36,8 @@ class AssociationParameters:
     max_age: int = 5  # frames that a lost object is kept: "short term disappearance" (section IV.E)
     min_hits: int = 1  # detections before a trajectory is reported; Algorithm 1 has no probation
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
-    report_lost: bool = False  # report the moved box of a lost object; costs 0.2 of MOTA or more
+    lost_frames: int = 1  # frames for which a lost object is reported; Algorithm 1 has none
+    lost_points: int = 3  # if so many points of the mask lie in its moved box; 0: in any case
 
     def __post_init__(self):
         check_similarity(self.similarity)
@@ -43,6 +45,8 @@ class AssociationParameters:
             ("tau", self.min_similarity, -1, 1),
             ("max_age", self.max_age, 0, np.inf),
             ("min_hits", self.min_hits, 1, np.inf),
+            ("lost_frames", self.lost_frames, 0, np.inf),
+            ("lost_points", self.lost_points, 0, np.inf),
         ):
             if not least <= value <= most:
                 raise InputError(f"{name}: expected {least} to {most}, found {value}")
@@ -97,7 +101,9 @@ class AssociationToTrajectory:
                 state = Motion(boxes[column], label_id=int(label_ids[column]))
                 self.life.birth(state, detections, column)
         self.life.drop(lambda track: track.time_since_update > p.max_age)
-        return self.life.report(self._is_shown, lambda track: track.state.box)
+        return self.life.report(
+            lambda track: self._is_shown(track, detections), lambda track: track.state.box
+        )
 
     def label_ids(self, detections: FrameDetections, context: FrameContext) -> np.ndarray:
         """(M,) label ids of the detections: -1, since the predicted displacement needs none."""
@@ -126,11 +132,22 @@ class AssociationToTrajectory:
         boxes[:, :3] += np.array([state.displacement for state in states]).reshape(-1, 3)
         return boxes
 
-    def _is_shown(self, track: Track) -> bool:
+    def _is_shown(self, track: Track, detections: FrameDetections) -> bool:
         """True for a matched track past its probation; in the first frames for any matched one."""
         p = self.parameters
         settled = track.hits >= p.min_hits or self.life.frame_count <= p.min_hits
-        return settled and (track.detection >= 0 or p.report_lost)
+        return settled and (track.detection >= 0 or self._is_seen(track, detections))
+
+    def _is_seen(self, track: Track, detections: FrameDetections) -> bool:
+        """True for a lost object that is in the foreground mask, apart from all detected boxes."""
+        p, box = self.parameters, track.state.box[np.newaxis]
+        if track.hits < SETTLED or track.time_since_update > p.lost_frames:
+            return False
+        if p.lost_points == 0:
+            return True
+        if detections.mask is None or iou_3d(box, detections.boxes).any():
+            return False
+        return int((points_in_boxes(detections.mask, box) >= 0).sum()) >= p.lost_points
 
 
 class AssociationByLabels(AssociationToTrajectory):

@@ -17,7 +17,10 @@ from tracking.sort import Sort, SortParameters
 
 TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "pointtracknet": (AssociationToTrajectory, AssociationParameters()),
-    "pointtracknet_iou": (AssociationToTrajectory, AssociationParameters(similarity="iou_3d")),
+    "pointtracknet_published": (
+        AssociationToTrajectory,
+        AssociationParameters(similarity="iou_3d", lost_frames=0),
+    ),
     "pointtracknet_probation": (AssociationToTrajectory, AssociationParameters(min_hits=3)),
     "gt_displacement": (AssociationByLabels, AssociationParameters()),
     "sort": (Sort, SortParameters()),
@@ -26,7 +29,7 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "ab3dmot": (Ab3dmot, Ab3dmotParameters()),
 }
 """Name -> class and its default parameters."""
-PREDICTED_MOTION = ("pointtracknet", "pointtracknet_iou", "pointtracknet_probation")
+PREDICTED_MOTION = ("pointtracknet", "pointtracknet_published", "pointtracknet_probation")
 """The trackers that need the networks' displacement."""
 
 

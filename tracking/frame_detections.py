@@ -10,6 +10,7 @@ import numpy as np
 from common.errors import InputError
 
 BOX_SIZE = 7  # x, y, z, l, w, h, yaw in the level frame
+FOREGROUND = 0.5  # least probability of a point in the foreground mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class FrameDetections:
         points: (n, 3) float64 points of frame t-1, level frame; None without a prediction.
         displacement: (n, 3) float64 predicted movement of `points` to frame t, metres.
         foreground: (n,) float64 foreground probability of `points`; None becomes 1 everywhere.
+        mask: (k, 3) float64 points of frame t in the foreground mask, level frame; None if unknown.
         appearance: (M, C) float64, a row of zeros for a box without one; None if unknown.
         label_ids: (M,) int64 track ids of labelled boxes; None for detected ones.
 
@@ -38,6 +40,7 @@ class FrameDetections:
     points: np.ndarray | None = None
     displacement: np.ndarray | None = None
     foreground: np.ndarray | None = None
+    mask: np.ndarray | None = None
     appearance: np.ndarray | None = None
     label_ids: np.ndarray | None = None
 
@@ -48,6 +51,8 @@ class FrameDetections:
         self._set(types=np.broadcast_to("Car" if self.types is None else self.types, rows))
         if self.points is not None:
             self._check_motion()
+        if self.mask is not None:
+            self._set(mask=checked_rows("mask", self.mask, None, 3))
         if self.appearance is not None:
             self._set(appearance=checked_rows("appearance", self.appearance, rows))
         if self.label_ids is not None:

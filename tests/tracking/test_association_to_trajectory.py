@@ -54,7 +54,7 @@ def test_without_displacement_the_same_jump_is_a_new_object():
 
 def test_the_larger_iou_wins_a_conflict():
     # both old boxes prefer the new box at 1.0: IoU of a 1.0 m shift 3/5, of a 0.4 m shift 3.6/4.4
-    tracker = make_tracker("pointtracknet_iou", tau=0.1)
+    tracker = make_tracker("pointtracknet_published", tau=0.1)
     step(tracker, cars(0.0, 1.4))
     tracks = step(tracker, cars(1.0))
     assert tracks.ids.tolist() == [1]
@@ -68,10 +68,10 @@ def test_the_larger_iou_wins_a_conflict():
     ("name", "parameters", "shift", "matched"),
     [
         # shift s along 4 m: IoU and GIoU (4 - s) / (4 + s), the IoU of boxes apart is 0
-        ("pointtracknet_iou", {"tau": 1.0 / 3.0}, 1.9, True),  # 2.1 / 5.9 = 0.356
-        ("pointtracknet_iou", {"tau": 1.0 / 3.0}, 2.1, False),  # 1.9 / 6.1 = 0.311
-        ("pointtracknet_iou", {}, 3.9, True),  # 0.1 / 7.9 = 0.0127
-        ("pointtracknet_iou", {}, 3.95, False),  # 0.05 / 7.95 = 0.0063
+        ("pointtracknet_published", {"tau": 1.0 / 3.0}, 1.9, True),  # 2.1 / 5.9 = 0.356
+        ("pointtracknet_published", {"tau": 1.0 / 3.0}, 2.1, False),  # 1.9 / 6.1 = 0.311
+        ("pointtracknet_published", {}, 3.9, True),  # 0.1 / 7.9 = 0.0127
+        ("pointtracknet_published", {}, 3.95, False),  # 0.05 / 7.95 = 0.0063
         ("pointtracknet", {}, 9.2, True),  # -5.2 / 13.2 = -0.394
         ("pointtracknet", {}, 9.5, False),  # -5.5 / 13.5 = -0.407
         ("pointtracknet", {"tau": -1.0}, 90.0, True),
@@ -84,7 +84,7 @@ def test_a_match_has_a_similarity_above_tau(name, parameters, shift, matched):
 
 
 def test_boxes_apart_never_match_even_with_a_tau_of_0():
-    tracker = make_tracker("pointtracknet_iou", tau=0.0)
+    tracker = make_tracker("pointtracknet_published", tau=0.0)
     step(tracker, cars(0.0))
     assert step(tracker, cars(4.5)).ids.tolist() == [1]
 
@@ -126,14 +126,41 @@ def test_lost_object_dies_after_max_age():
     assert step(tracker, cars(0.0)).ids.tolist() == [1]
 
 
-def test_report_lost_shows_the_moved_box_without_a_detection():
-    tracker = make_tracker("pointtracknet", report_lost=True, max_age=1)
-    step(tracker, cars(0.0))
-    there = {"points": np.array([[0.0, 0, -1]]), "displacement": np.array([[3.0, 0, 0]])}
-    tracks = step(tracker, cars(), **there)
+MOVED = {"points": np.array([[0.0, 0, -1]]), "displacement": np.array([[3.0, 0, 0]])}
+SEEN = np.array([[2.0, 0, -1], [3.0, 0, -1], [4.0, 0, -1]])  # in the box that moved to 3
+
+
+def lost(after=3, boxes=(), mask=SEEN, **parameters):
+    """The tracks where a vehicle at 0 is not found in its frame `after`, moved by 3 m."""
+    tracker = make_tracker("pointtracknet", **parameters)
+    for _ in range(after):
+        step(tracker, cars(0.0))
+    return tracker, step(tracker, cars(*boxes), **MOVED, mask=mask)
+
+
+def test_a_missed_vehicle_in_the_mask_is_reported_for_one_frame():
+    tracker, tracks = lost()
     assert tracks.boxes == pytest.approx(cars(3.0))
-    assert tracks.detections.tolist() == [-1]
-    assert len(step(tracker, cars(), **there)) == 0
+    assert (tracks.ids.tolist(), tracks.detections.tolist()) == ([0], [-1])
+    assert len(step(tracker, cars(), mask=SEEN)) == 0
+    assert step(tracker, cars(3.0), mask=SEEN).ids.tolist() == [0]
+
+
+def test_a_lost_object_is_reported_on_evidence_alone():
+    assert len(lost(mask=None)[1]) == 0
+    assert len(lost(mask=SEEN[:2])[1]) == 0
+    assert len(lost(mask=np.add(SEEN, [20, 0, 0]))[1]) == 0
+    assert len(lost(after=2)[1]) == 0  # perhaps a false box
+    assert len(lost(lost_frames=0)[1]) == 0
+    assert len(lost(mask=None, lost_points=0)[1]) == 1
+
+
+def test_a_lost_object_behind_a_detected_one_is_not_reported():
+    tracker = make_tracker("pointtracknet")
+    for _ in range(3):
+        step(tracker, cars(0.0, 4.5))
+    tracks = step(tracker, cars(4.5), **MOVED, mask=SEEN)  # the moved box, at 3, overlaps it
+    assert tracks.ids.tolist() == [1]
 
 
 def test_probation_and_start_score():
