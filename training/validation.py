@@ -30,8 +30,8 @@ def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
     task, wanted = run.task, run.task.schedule.validation_frames
     count = min(wanted or len(items), len(items))
     chosen = items[np.linspace(0, len(items) - 1, count).round().astype(np.int64)]
-    size = min(4, count)
-    chosen = chosen[: count - count % size].reshape(-1, size)
+    size = max(n for n in range(1, 5) if count % n == 0)  # one shape of batch, no frame left out
+    chosen = chosen.reshape(-1, size)
     data = dataset(
         task.validation_samples, task.prepare, lambda: zip(chosen, chosen, strict=True), size
     )

@@ -8,6 +8,7 @@ from helpers.network_cases import SMALL_DETECTOR
 from helpers.overlap import iou_bev
 from helpers.two_cars import boxes_at, write_sequence
 
+from common.errors import InputError
 from kitti.boxes import points_in_boxes
 from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
@@ -26,6 +27,15 @@ CONFIG = DetectorTrainingConfig(dataclasses.replace(SMALL_DETECTOR, num_points=4
 def frames(tiny_data):
     (sequence,) = open_sequences(tiny_data, [0], "training")
     return [read_frame(sequence, t, CLASSES) for t in range(5)]
+
+
+def test_a_scan_without_points_in_the_view_is_named(tmp_path):
+    write_sequence(tmp_path)
+    (sequence,) = open_sequences(tmp_path, [0], "training")
+    path = sequence.scan_path(1)
+    np.array([[-5, 0, -1, 0]], np.float32).tofile(path)  # behind the camera
+    with pytest.raises(InputError, match=rf"{path.name}: expected at least 2 points.*found 0"):
+        read_frame(sequence, 1, CLASSES)
 
 
 def rng(seed=0):

@@ -4,9 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import InputError
 from kitti.ground import GroundModel, fit_ground, ground_mask
 from kitti.objects import CLASSES
 from kitti.sequence import KittiSequence
+
+FEWEST = 2  # points of a frame: a single scan is split into two
 
 
 class LabelledFrame(NamedTuple):
@@ -44,8 +47,15 @@ def pair_list(sequences: list[KittiSequence], single_scans: bool = False) -> lis
 
 
 def read_frame(sequence: KittiSequence, t: int, classes: tuple[str, ...]) -> LabelledFrame:
-    """Reads frame t of a sequence; the ground points and DontCare regions are found here."""
+    """Reads frame t of a sequence; the ground points and DontCare regions are found here.
+
+    Raises:
+        InputError: a file is broken, or fewer than `FEWEST` points lie in the camera's view.
+    """
     points = np.ascontiguousarray(sequence.read_points_level(t)[:, :3], np.float32)
+    if len(points) < FEWEST:
+        found = f"expected at least {FEWEST} points in the camera's view, found {len(points)}"
+        raise InputError(found, sequence.scan_path(t))
     objects = sequence.objects.at(t)
     vehicles = objects.of_classes(classes)
     others = objects.of_classes([name for name in CLASSES if name not in (*classes, "DontCare")])
