@@ -260,7 +260,7 @@ def evaluate_row(
         settings = EvaluateConfig(
             data_root=Path((args.val_data_root or args.data_root)[0]),
             seqs=tuple(parse_sequences(args.val_seqs[0])),
-            tracker="pointtracknet",
+            tracker="pointtracknet_published",  # the rows differ by the displacement alone
             weights=args.weights,
             object_shift=distance,
         )
