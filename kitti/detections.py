@@ -71,9 +71,8 @@ def read_detection_folder(
 def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
     """Reads detections in AB3DMOT's layout, or those of a KITTI result file; empty means none.
 
-    The number of columns tells which. AB3DMOT's 15: frame, type number
-    (or class), x1, y1, x2, y2, score, h,
-    w, l, x, y, z, ry, alpha. Track ids are -1.
+    The number of columns tells which. AB3DMOT's 15: frame, type number (or class), x1, y1, x2, y2,
+    score, h, w, l, x, y, z, ry, alpha. Track ids are -1.
 
     Raises:
         InputError: as `kitti.labels.read_labels`.

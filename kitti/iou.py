@@ -175,5 +175,4 @@ def iou_2d_pairs(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Row by row IoU of image boxes: (P, 4), (P, 4) -> (P,) float64; 0 for boxes with NaN."""
     sides = np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2])
     common = np.clip(sides, 0, None).prod(axis=1)
-    areas = [(box[:, 2:] - box[:, :2]).prod(axis=1) for box in (a, b)]
-    return np.nan_to_num(_ratio(common, areas[0] + areas[1] - common))
+    return np.nan_to_num(_ratio(common, _area(a) + _area(b) - common))
