@@ -36,26 +36,29 @@ class History:
             raise InputError("expected a column named step", self.path, 1)
         return rows
 
+    def _columns(self) -> list[str]:
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
     def add(self, row: dict[str, float]) -> None:
-        """Adds a row and writes the file anew, atomically."""
+        """Adds a row and writes the file anew, atomically; a figure that a row lacks is nan."""
         self.rows.append(row)
         text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=list(row), lineterminator="\n")
+        writer = csv.DictWriter(text, fieldnames=self._columns(), lineterminator="\n")
         writer.writeheader()
         for r in self.rows:
-            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in row})
+            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in self._columns()})
         write_text(self.path, text.getvalue())
 
     def plot(self, path: str | Path) -> None:
         """Draws every column over the epochs, a panel each."""
-        names = [name for name in self.rows[-1] if name not in ("epoch", "step")]
+        names = [name for name in self._columns() if name not in ("epoch", "step")]
         columns = 4
         lines = -(-len(names) // columns)
         figure = Figure(figsize=(4 * columns, 2.6 * lines), layout="constrained")
         panels = figure.subplots(lines, columns, squeeze=False).ravel()
         epochs = [row["epoch"] for row in self.rows]
         for panel, name in zip(panels, names, strict=False):
-            panel.plot(epochs, [row.get(name) for row in self.rows], marker=".")
+            panel.plot(epochs, [row.get(name, np.nan) for row in self.rows], marker=".")
             panel.set_title(name, fontsize=9)
             panel.set_xlabel("epoch", fontsize=8)
         for panel in panels[len(names) :]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from common.config import to_dict
 from common.errors import InputError
+from common.notes import note
 from models import checkpoint
 from training.checkpoint_folder import CheckpointFolder
 from training.logs import History
@@ -39,11 +40,18 @@ def save_checkpoint(
 
 
 def keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metrics) -> None:
-    """Writes best.npz if the metrics of the last epoch are the best so far."""
-    name, sign = run.task.best_metric, 1 if run.task.best_is_largest else -1
+    """Writes best.npz if the metrics of the last epoch are the best so far.
+
+    The metric that selects is missing (NaN in history.csv) where nothing validated defines it.
+    """
+    name = run.task.best_metric
     if name not in metrics:
+        if run.task.validation_samples.items:
+            note(f"{name} is undefined on the validation frames: best.npz is not chosen by them")
         return
-    if all(sign * metrics[name] >= sign * row.get(name, -sign * math.inf) for row in history.rows):
+    largest = max if run.task.best_is_largest else min
+    seen = [row[name] for row in history.rows if math.isfinite(row.get(name, math.nan))]
+    if metrics[name] == largest(seen):
         meta = {**_meta(run, metrics), "step": metrics["step"]}
         checkpoint.save(folder.best_path, meta, **run.networks)
 

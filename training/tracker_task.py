@@ -164,12 +164,12 @@ class TrackerTask:
         return [tf.norm(found.displacement - found.target, axis=-1), found.foreground]
 
     def validate(self, batches) -> dict[str, float]:
-        """Mean end-point error on foreground and background points, metres."""
+        """Mean end-point error on foreground and background points, metres; those that have any."""
         sums, counts = np.zeros(2), np.zeros(2)
         for _, _, (errors, foreground) in batches:
             for label in (0, 1):
                 chosen = errors.numpy()[foreground.numpy() == label]
                 sums[label] += chosen.sum()
                 counts[label] += len(chosen)
-        mean = sums / np.maximum(counts, 1)
-        return {"epe_foreground": float(mean[1]), "epe_background": float(mean[0])}
+        labels = {"epe_foreground": 1, "epe_background": 0}
+        return {name: float(sums[i] / counts[i]) for name, i in labels.items() if counts[i]}

@@ -16,8 +16,11 @@ def validate(run: TrainingRun) -> dict[str, float]:
     found = {root: _validate_items(run, np.array(items)) for root, items in by_root.items()}
     if len(found) <= 1:
         return next(iter(found.values()), {})
-    names = next(iter(found.values()))
-    means = {name: float(np.mean([m[name] for m in found.values()])) for name in names}
+    names = dict.fromkeys(name for metrics in found.values() for name in metrics)
+    means = {
+        name: float(np.mean([metrics[name] for metrics in found.values() if name in metrics]))
+        for name in names
+    }
     return means | {
         f"{Path(root).name}/{name}": value
         for root, metrics in found.items()
