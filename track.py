@@ -8,7 +8,7 @@ Scans are KITTI's .bin files (x, y, z, intensity as float32; x ahead, y left, z 
 are found where the camera of the calibration looks: the networks were trained on its view.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 
@@ -33,17 +33,17 @@ from kitti.scans.heading import axis_ahead
 from kitti.scans.point_arrays import MAX_RANGE
 from kitti.scans.scan_files import SUFFIXES, read_points
 from kitti.scans.scan_folder import find_scans
-from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, parse_columns
+from kitti.scans.scan_layout import KITTI_COLUMNS, KITTI_LAYOUT, ScanLayout, parse_columns
 from kitti.track_files import WRITERS, parse_formats, write_tracks
 
 PROBED_SCANS, PROBED_PAIRS = 3, 5
 DEFAULT_NAME = "tracks"
-COLUMNS_AHEAD = {
-    "y": ("y,-x,z,i", "y,x,z,i"),
-    "-y": ("-y,x,z,i", "-y,-x,z,i"),
-    "-x": ("-x,-y,z,i", "-x,y,z,i"),
+AXES_AHEAD = {
+    "y": ({"x": "-y", "y": "x"}, {"x": "y", "y": "x"}),
+    "-y": ({"x": "y", "y": "-x"}, {"x": "-y", "y": "-x"}),
+    "-x": ({"x": "-x", "y": "-y"}, {"x": "-x", "y": "y"}),
 }
-"""By the axis that is ahead: --scan_columns of right-handed and of left-handed axes, z up."""
+"""By the axis that is ahead, what x and y are really: of right-handed and of left-handed axes."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class TrackConfig:
         None, "least score of a box (default: that of the weights)", flags.finite_float
     )
     scan_columns: str | None = option(
-        None, "of a scan, such as x,y,z,i,ring or y,-x,z (default: x,y,z,i)"
+        None, "of a scan, such as x,y,z,i,ring or -y,x,z (default: x,y,z,i)"
     )
     scan_dtype: str | None = option(
         None, "of the numbers in .bin, such as float64 (default: float32)"
@@ -155,7 +155,7 @@ def look(scans: Scans, calib: Calibration, size: tuple[int, int]) -> tuple[int, 
     except InputError as error:
         if error.path is not None:  # a file is at fault
             raise
-        flags_of_scans = "--scan_columns such as y,-x,z,i, --scan_scale, --calib, --image_size"
+        flags_of_scans = "--scan_columns such as -y,x,z,i, --scan_scale, --calib, --image_size"
         raise InputError(f"--scans: {error} ({flags_of_scans} describe others)") from error
     _check_heading(scans, calib)
     return seen
@@ -172,10 +172,10 @@ def _check_heading(scans: Scans, calib: Calibration) -> None:
         pairs = scans.consecutive(gap)
         ahead = ahead or axis_ahead([level(points) for points in pair] for pair in pairs)
     if ahead is None and any(spreads_sideways(level(points)) for points in scans.probes()):
-        note("the scene is wider than long; if y is ahead, give --scan_columns y,-x,z,i")
+        note("the scene is wider than long; if y is ahead, give --scan_columns -y,x,z,i")
     if ahead in (None, "x"):
         return
-    columns, mirrored = COLUMNS_AHEAD[ahead]
+    columns, mirrored = (_renamed(scans.layout.columns, axes) for axes in AXES_AHEAD[ahead])
     fault = (
         f"the surroundings move along {ahead} from scan to scan, expected along x, which is ahead: "
         f"--scan_columns {columns} reads such scans, {mirrored} those of left-handed axes"
@@ -184,6 +184,16 @@ def _check_heading(scans: Scans, calib: Calibration) -> None:
         note(fault)
     else:
         raise InputError(f"--scans: {fault}")
+
+
+def _renamed(columns: tuple[str, ...] | None, axes: Mapping[str, str]) -> str:
+    """--scan_columns in which the axes x and y are what `axes` says."""
+    found = []
+    for name in columns or KITTI_COLUMNS:
+        axis = axes.get(name.removeprefix("-"), name.removeprefix("-"))
+        turned = name.startswith("-") != axis.startswith("-")
+        found.append("-" * turned + axis.removeprefix("-"))
+    return ",".join(found)
 
 
 def draw(

@@ -242,7 +242,7 @@ def test_bad_input_is_one_line(tmp_path, capsys, make, message):
 
 
 @pytest.mark.parametrize(
-    ("ahead", "flag"), [("y", "--scan_columns y,-x,z,i"), ("-y", "--scan_columns -y,x,z,i")]
+    ("ahead", "flag"), [("y", "--scan_columns -y,x,z,i"), ("-y", "--scan_columns y,-x,z,i")]
 )
 def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
     tmp_path, capsys, ahead, flag
@@ -256,6 +256,9 @@ def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"move along {ahead} from scan to scan" in error
     assert flag in error and not (tmp_path / "out").exists()
+    columns = track.parse_columns(flag.split()[1])
+    scans = track.Scans(tmp_path / "scans", track.ScanLayout(columns))
+    np.testing.assert_allclose(scans.points(0)[:, :3], drive(0.0), atol=1e-5)
     for t in (1, 2):
         (tmp_path / "scans" / f"{t}.bin").unlink()
     note.cache_clear()
@@ -264,3 +267,18 @@ def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
     assert flags.run(track.main, [*argv, *flag.split()]) == 2
     assert capsys.readouterr().err.endswith("detector.npz: expected a checkpoint file\n")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("columns", "ahead", "right_handed", "left_handed"),
+    [
+        (None, "y", "-y,x,z,i", "y,x,z,i"),
+        (None, "-y", "y,-x,z,i", "-y,-x,z,i"),
+        (None, "-x", "-x,-y,z,i", "-x,y,z,i"),
+        ("y,-x,z,i,ring", "-x", "-y,x,z,i,ring", "y,x,z,i,ring"),  # those of the other way round
+    ],
+)
+def test_the_axes_of_a_scan_are_named_by_its_columns(columns, ahead, right_handed, left_handed):
+    given = None if columns is None else track.parse_columns(columns)
+    renamed = [track._renamed(given, axes) for axes in track.AXES_AHEAD[ahead]]
+    assert renamed == [right_handed, left_handed]
