@@ -16,6 +16,7 @@ _STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
 """Name of the full or closed target by error number, where the error names no file."""
 MAX_COUNT = 10**6
 """Largest count of frames, points or repetitions; more is an input error."""
+_MISSING = ": run `make` in the project's root, and use .venv/bin/python"
 INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 
 
@@ -52,8 +53,8 @@ def run(
 ) -> int:
     """Runs `main(argv)`; bad input and full disks become one line on stderr and exit code 2.
 
-    Returns the exit code: 0 on success, 2 for `InputError`, `OSError` and `MemoryError`, 130 when
-    interrupted.
+    Returns the exit code: 0 on success, 2 for `InputError`, `OSError`, `MemoryError` and a library
+    that is missing or broken (`ImportError`), 130 when interrupted.
     """
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # less of TensorFlow's start-up messages
     _open_streams()
@@ -68,6 +69,9 @@ def run(
         return _refuse(f"error: {where}{error.strerror or error}")
     except MemoryError:
         return _refuse("error: out of memory")
+    except ImportError as error:
+        remedy = _MISSING if isinstance(error, ModuleNotFoundError) else ""
+        return _refuse(f"error: {' '.join(str(error).split())}{remedy}")
     except KeyboardInterrupt:
         _refuse("interrupted")
         return INTERRUPTED

@@ -28,6 +28,15 @@ def _raiser(error):
         (InputError("expected 17 columns", "f.txt", 3), "error: f.txt:3: expected 17 columns"),
         (OSError(errno.ENOSPC, "No space left", "o.txt"), "error: o.txt: No space left"),
         (OSError("odd"), "error: odd"),
+        (
+            ImportError("lib.so is missing;\nrun `make ops`"),
+            "error: lib.so is missing; run `make ops`",
+        ),
+        (
+            ModuleNotFoundError("No module named 'keras'"),
+            "error: No module named 'keras': run `make` in the project's root, and use "
+            ".venv/bin/python",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(capsys, error, line):
