@@ -33,6 +33,7 @@ _MAX_NUMBER = 1e6  # metres, pixels
 _FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
 _BY_LOWER_CASE = {name.lower(): name for name in (*_SHAPES, *_ALIASES)}
 _SHOWN = 12  # keys in a message
+_RAW = "the raw data has two files: cat calib_cam_to_cam.txt calib_velo_to_cam.txt > calib.txt"
 _MAX_OFFSET = 20.0  # metres between sensors of a car
 _ROTATION_TOLERANCE = 1e-2  # KITTI's own matrices are orthonormal to about 1e-7
 
@@ -146,7 +147,10 @@ def read_calibration(path: str | Path) -> Calibration:
     if missing:
         expected = f"expected {', '.join(_REQUIRED)} (or P2 and Tr)"
         names = ", ".join(key[:40] for key in seen[:_SHOWN]) + ", ..." * (len(seen) > _SHOWN)
-        raise InputError(f"missing key {missing[0]}, {expected}, found {names or 'none'}", path)
+        hint = f"; {_RAW}" if "calib_time" in seen else ""
+        raise InputError(
+            f"missing key {missing[0]}, {expected}, found {names or 'none'}{hint}", path
+        )
     return Calibration(
         **{name.lower(): matrix for name, matrix in found.items()},
         size=None if size is None else (round(float(size[0, 0])), round(float(size[1, 0]))),

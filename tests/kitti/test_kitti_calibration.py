@@ -196,6 +196,11 @@ def _without(key):
             None,
             "P0: expected focal lengths",
         ),
+        (
+            "calib_time: 09-Jan-2012 13:57:47\n" + _without("Tr_velo"),
+            None,
+            "missing key Tr_velo_to_cam, .*; the raw data has two files: cat calib_cam_to_cam.txt",
+        ),
         (NEW.replace(VELO, VELO + " 0 0 0 2"), 6, "expected 12 numbers, found 16"),
         (NEW.replace(EYE, "1 0 0 5 0 1 0 0 0 0 1 0"), 5, "R0_rect: expected 9 numbers, found 12"),
         (NEW.replace(EYE, EYE[:-2]), 5, "R0_rect: expected 9 numbers, found 8"),
