@@ -9,6 +9,7 @@ import numpy as np
 from common.errors import InputError
 from common.npy import parse_npy
 from kitti.scans.ply import parse_ply
+from kitti.scans.point_text import numbered_lines, parse_lines
 
 _COMPRESSION = 300  # at most, of LZF: three bytes encode 264
 _MAX_HEADER = 10_000  # bytes
@@ -43,7 +44,8 @@ def _parse_pcd(data: bytes) -> np.ndarray:
     if meta.points * each > len(data) * (_COMPRESSION if packed else 1):
         raise ValueError(f"{meta.points} points declared in {len(data)} bytes")
     if meta.data == Encoding.ASCII:
-        body = b"\n".join(b" ".join(line.split()) for line in body.splitlines())
+        lines = numbered_lines(data, len(data) - len(body))
+        return parse_lines(lines, meta.points, meta.build_dtype())
     whole = "\n".join([*lines, ""]).encode() + body
     points = np.atleast_1d(PointCloud.from_fileobj(io.BytesIO(whole)).pc_data)
     if len(points) != meta.points:
@@ -65,6 +67,10 @@ def _pcd_header(data: bytes) -> tuple[list[str], bytes]:
     if missing:
         raise ValueError(f"no line {missing[0]}")
     words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
+    for name in ("SIZE", "TYPE", "COUNT"):
+        if len(words[name]) != len(words["FIELDS"]):
+            expected = f"expected {len(words['FIELDS'])} words as in FIELDS"
+            raise ValueError(f"line {name}: {expected}, found {len(words[name])}")
     words.setdefault("HEIGHT", ["1"])
     words.setdefault("POINTS", [str(int(words["WIDTH"][0]) * int(words["HEIGHT"][0]))])
     words["VERSION"] = ["0.7"]  # earlier ones differ in the header alone

@@ -4,6 +4,8 @@ import re
 
 import numpy as np
 
+from kitti.scans.point_text import numbered_lines, parse_lines
+
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
     "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -11,7 +13,9 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_HEADER = re.compile(rb"ply\r?\n.*?^end_header\r?\n", re.DOTALL | re.MULTILINE)
+_HEADER = re.compile(
+    rb"(?:\xef\xbb\xbf)?ply\s*\n.*?^end_header[ \t]*\r?\n", re.DOTALL | re.MULTILINE
+)
 _MAX_HEADER = 10_000  # bytes
 
 
@@ -26,22 +30,20 @@ def parse_ply(data: bytes) -> np.ndarray:
     header = _HEADER.match(data[:_MAX_HEADER])
     if header is None:
         raise ValueError("expected a header from ply to end_header")
-    form, elements = _elements(header[0].decode("ascii").splitlines())
-    rest, lines = data[header.end() :], iter(())
-    if form == "ascii":
-        lines = iter(rest.decode("ascii").split("\n"))
-    at = 0
+    form, elements = _elements(header[0].decode("utf-8-sig", "replace").splitlines())
+    lines, at = numbered_lines(data, header.end()) if form == "ascii" else iter(()), header.end()
     for name, count, properties in elements:
         if count > len(data):
             raise ValueError(f"{count} elements declared in {len(data)} bytes")
         if properties is None:
-            raise ValueError(f"expected the vertices before the lists of element {name}")
+            where = "no lists in" if name == "vertex" else "the vertices before the lists of"
+            raise ValueError(f"expected {where} element {name}")
         dtype = np.dtype([(key, _ORDERS[form] + kind) for key, kind in properties])
         if form == "ascii":
-            found = _from_text([next(lines, "") for _ in range(count)], dtype)
+            found = parse_lines(lines, count, dtype)
         else:
-            found = np.frombuffer(rest, dtype, count, at) if count else np.zeros(0, dtype)
-        at += count * dtype.itemsize
+            found = _binary(data, at, count, dtype)
+            at += found.nbytes
         if name == "vertex":
             return found
     raise ValueError("expected an element vertex")
@@ -74,13 +76,8 @@ def _elements(header: list[str]) -> tuple[str, list[tuple[str, int, list | None]
     return form, elements
 
 
-def _from_text(lines: list[str], dtype: np.dtype) -> np.ndarray:
-    words = [line.split() for line in lines]
-    if any(len(row) != len(dtype.names) for row in words):
-        raise ValueError(f"expected {len(lines)} lines of {len(dtype.names)} numbers")
-    rows = np.array(words, np.float64).reshape(len(lines), len(dtype.names))
-    found = np.zeros(len(lines), dtype)
-    with np.errstate(all="ignore"):
-        for name, column in zip(dtype.names, rows.T, strict=True):
-            found[name] = column
-    return found
+def _binary(data: bytes, at: int, count: int, dtype: np.dtype) -> np.ndarray:
+    whole = (len(data) - at) // max(dtype.itemsize, 1)
+    if whole < count:
+        raise ValueError(f"{count} points declared, {whole} found")
+    return np.frombuffer(data, dtype, count, at) if count else np.zeros(0, dtype)

@@ -16,6 +16,7 @@ MAX_SPAN = 100_000
 """Most frames from the first scan to the last."""
 _NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
 _NANOSECONDS = 9  # digits
+_DEPTH = 3  # of folders that are searched for scans, for the message
 _DATE = re.compile(  # year, month, day, hour, minute, second, fraction
     r"\D*(\d{4})[-_]?(\d\d)[-_]?(\d\d)[-_T ]+(\d\d)[-_:]?(\d\d)[-_:]?(\d\d)(?:[._,-](\d{1,9}))?\D*",
     re.ASCII,
@@ -61,11 +62,11 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
 
 def _instead(folder: Path) -> str:
     """What a folder without scans holds: folders with scans, or the most frequent suffix."""
-    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    below = [path for path in inside if path.is_dir() and _has_scan(path)]
+    below = _below(folder)
     if below:
         others = f" and {len(below) - 1} others" * (len(below) > 1)
-        return f"; there are scans in {below[0].name}/{others}: give one such folder"
+        return f"; there are scans in {below[0].relative_to(folder)}/{others}: give one such folder"
+    inside = _visible(folder)
     suffixes = Counter("".join(path.suffixes).lower() for path in inside if path.is_file())
     if not suffixes:
         return ""
@@ -76,11 +77,24 @@ def _instead(folder: Path) -> str:
     return f", but {count} {suffix or 'without an ending'}: {hint}"
 
 
-def _has_scan(folder: Path) -> bool:
+def _below(folder: Path) -> list[Path]:
+    """The folders with scans at the least depth below a folder, as in velodyne_points/data/."""
+    level = [folder]
+    for _ in range(_DEPTH):
+        level = [path for above in level for path in _visible(above) if path.is_dir()]
+        found = [
+            path for path in level if any(p.suffix.lower() in SUFFIXES for p in _visible(path))
+        ]
+        if found:
+            return found
+    return []
+
+
+def _visible(folder: Path) -> list[Path]:
     try:
-        return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
+        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     except OSError:
-        return False
+        return []
 
 
 def _single(path: Path) -> dict[int, Path]:

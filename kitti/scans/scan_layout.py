@@ -52,6 +52,8 @@ _MAX_INTENSITY = 65535.0
 _MOST = {"i": _MAX_INTENSITY, "ring": 255.0, "t": 2e9}
 _STRAY = 0.01  # share of implausible numbers that a right layout may hold
 _LOW = 1.0  # metres; less than the height of any scene, and as much as an intensity up to 1
+_FEW = 10  # points; fewer do not tell
+_ALIKE = 0.1  # least ratio of the spreads of every second point and of the others
 _FLAT = 0.6  # ratio of the spread of heights to that along the wider horizontal axis
 
 
@@ -219,12 +221,25 @@ def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:
     size = np.abs(xyz)
     strange = (size > _FAR) | ((size > 0) & (size < 1e-12))
     for column, name in zip(numbers.T, columns, strict=True):
-        if name in _MOST and ((column < 0) | (column > _MOST[name])).mean() > _STRAY:
+        least = -_MOST["t"] if name == "t" else 0  # times may count back from the end of a turn
+        if name in _MOST and ((column < least) | (column > _MOST[name])).mean() > _STRAY:
             return np.inf
         if name == "ring" and (column != np.rint(column)).any():
             return np.inf
         if name == "_" and np.ptp(column) > 0:
             return np.inf
+    if _alternate(xyz):
+        return np.inf
     low, high = np.percentile(xyz, (5, 95), axis=0)
     width, height = max(high[:2] - low[:2]), high[2] - low[2]
     return height / width if height > _LOW and strange.mean() <= _STRAY else np.inf
+
+
+def _alternate(xyz: np.ndarray) -> bool:
+    """True if every second row is of another kind: rows of twice as many columns, cut in two."""
+    halves = [half for half in (xyz[::2], xyz[1::2]) if len(half) >= _FEW]
+    if len(halves) < 2:
+        return False
+    whole = [bool((half == np.rint(half)).all(axis=0).any()) for half in halves]
+    spreads = [np.ptp(np.percentile(half[:, :2], (5, 95), axis=0), axis=0).max() for half in halves]
+    return whole[0] != whole[1] or min(spreads) < _ALIKE * max(spreads)

@@ -13,6 +13,9 @@ from kitti.scans.scan_files import read_points, write_scan
 from kitti.scans.scan_layout import ScanLayout, parse_columns
 
 NAMES = ("x", "y", "z", "intensity")
+ASCII = b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nPOINTS 2\nDATA ascii\n"
+PLY = b"ply\nformat ascii 1.0\nelement vertex 2\n"
+PLY += b"property float x\nproperty float y\nproperty float z\nend_header\n"
 
 
 def cloud(count: int = 1200) -> np.ndarray:
@@ -29,6 +32,11 @@ def ring(count: int = 1200) -> np.ndarray:
 
 def times(count: int = 1200) -> np.ndarray:
     return np.linspace(0, 0.1, count)
+
+
+def normals(count: int = 1200) -> np.ndarray:
+    found = np.random.default_rng(2).normal(size=(count, 3))
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
 def pcl() -> np.ndarray:
@@ -51,6 +59,8 @@ def pcl() -> np.ndarray:
         (np.column_stack([cloud(), ring(), times()]).astype("f4"), "x,y,z,i,ring,t", "float32"),
         (np.column_stack([cloud(), times(), ring()]).astype("f4"), "x,y,z,i,t,ring", "float32"),
         (np.column_stack([times(), cloud()]).astype("f4"), "t,x,y,z,i", "float32"),
+        (np.column_stack([cloud(), ring(), -times()]).astype("f4"), "x,y,z,i,ring,t", "float32"),
+        (np.column_stack([cloud()[:, :3], normals()]).astype("f4"), "x,y,z,a,b,c", "float32"),
         (cloud()[:, [3, 0, 1, 2]].astype("f4"), "i,x,y,z", "float32"),
         ((cloud() * [1, 1, 1, -30]).astype("f4"), "x,y,z,a", "float32"),  # decibels
         (np.column_stack([cloud(), cloud()[:, :3]]).astype("f4"), "x,y,z,a,b,c,d", "float32"),
@@ -208,6 +218,27 @@ def test_ply_of_other_number_types_and_elements(tmp_path):
     np.testing.assert_array_equal(points, [[1, 3, 5, 7], [2, 4, 6, 8]])
 
 
+@pytest.mark.parametrize(
+    ("name", "head", "body"),
+    [
+        ("0.pcd", ASCII, b"\n1 2 3\n\n4 nan 6\n4 5 6"),
+        ("0.ply", PLY, b"\xef\xbb\xbf1 2 3\r\n\r\n4 5 6\r\n3 0 1 2\n"),
+        ("0.ply", b"\xef\xbb\xbf" + PLY.replace(b"\n", b" \n"), b"1 2 3 \n4\t5 6"),
+        (
+            "0.ply",
+            PLY.replace(b"element vertex", b"element camera 1\nproperty float a\nelement vertex"),
+            b"9\n1 2 3\n4 5 6\n",
+        ),
+    ],
+)
+def test_texts_as_other_programs_write_them(tmp_path, name, head, body):
+    """Blank lines, white space at the ends of lines, byte order marks, other elements."""
+    head = head.replace(b"POINTS 2", b"POINTS 3").replace(b"WIDTH 2", b"WIDTH 3")
+    (tmp_path / name).write_bytes(head + body)
+    points, _ = read_points(tmp_path / name)
+    np.testing.assert_array_equal(points, [[1, 2, 3, 0], [4, 5, 6, 0]])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_is_one_line(tmp_path, kind):
     path = tmp_path / f"0.{kind[:3]}"
@@ -260,9 +291,29 @@ def test_headers_in_other_cases_and_empty_clouds(tmp_path):
         (
             "0.ply",
             b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n",
-            "expected 2 lines of 1 numbers",
+            "2 points declared, 1 found",
         ),
         ("0.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nend_header\n", "declared"),
+        (
+            "0.pcd",
+            ASCII.replace(b"SIZE 4 4 4", b"SIZE 4 4"),
+            "SIZE: expected 3 words as in FIELDS, f",
+        ),
+        ("0.pcd", ASCII + b"1 2 3\n1,2,3\n", "line 9: expected 3 numbers, found 1"),
+        ("0.pcd", ASCII + b"1 2 3\n\n1 2 x\n", "line 10: expected a number, found 'x'"),
+        ("0.pcd", ASCII + b"1 2 3\n", "2 points declared, 1 found"),
+        ("0.ply", PLY + b"1 2 3\n1 2 3 255\n", "line 9: expected 3 numbers, found 4"),
+        ("0.ply", PLY + b"1 2 3\n1 2 3,0\n", "line 9: expected a number, found '3,0'"),
+        (
+            "0.ply",
+            PLY.replace(b"ascii", b"binary_little_endian") + bytes(13),
+            "2 points .* 1 found",
+        ),
+        (
+            "0.ply",
+            PLY.replace(b"float y", b"list int int y"),
+            "expected no lists in element vertex",
+        ),
         ("0.pcd", b"1 2 3\n4 5 6\n", "not a whole .pcd file: no line DATA"),
         ("0.pcd", b"VERSION .7\nFIELDS x y z\nDATA ascii\n", "no line SIZE"),
         (

@@ -93,6 +93,15 @@ def test_folders_of_scans_below_are_named(tmp_path):
         find_scans(tmp_path)
 
 
+def test_folders_of_scans_far_below_are_named(tmp_path):
+    """As in a drive of the raw data."""
+    (tmp_path / "oxts").mkdir()
+    (tmp_path / "velodyne_points" / "data").mkdir(parents=True)
+    (tmp_path / "velodyne_points" / "data" / "0000000000.bin").touch()
+    with pytest.raises(InputError, match="; there are scans in velodyne_points/data/: give one"):
+        find_scans(tmp_path)
+
+
 def test_scans_of_which_none_follows_another_are_noted(tmp_path, capsys):
     assert list(frames(tmp_path, ["0.bin", "103.bin", "201.bin"])) == [0, 103, 201]
     noted = capsys.readouterr().err
