@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
+from common.notes import note
 from kitti.boxes import level_from_camera
 from kitti.labels import (
     LABEL_COLUMNS,
@@ -82,7 +83,10 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
     columns = [] if first is None else columns_of(lines[first])
     if len(columns) in (LABEL_COLUMNS, RESULT_COLUMNS):
         rows = read_results(path, num_frames, tracked=False)
-        boxed = (rows.type != "DontCare") & ~np.isnan(rows.boxes).any(axis=1)
+        flat = np.isnan(rows.boxes).any(axis=1)
+        boxed, left_out = (rows.type != "DontCare") & ~flat, (rows.type != "DontCare") & flat
+        if left_out.any():
+            note(f"{path}: {left_out.sum()} of {len(rows)} rows have no 3-D box and are left out")
         return replace(rows[boxed], track_id=np.full(int(boxed.sum()), -1))
     if first is not None and (len(columns) != DETECTION_COLUMNS or columns[0].isidentifier()):
         hint = ""
@@ -143,6 +147,9 @@ def read_object_detections(folder: str | Path, num_frames: int | None = None) ->
             last = f"expected 0 to {limit - 1}{limit.reason}"
             raise InputError(f"frame beyond the sequence, {last}", path)
         files[frame] = path
+    if files and num_frames is not None and len(files) < num_frames:
+        without = f"{num_frames - len(files)} of {num_frames} frames have no file"
+        note(f"{folder}: {without}, and so no detection")
     parts = [_object_file(path, frame) for frame, path in sorted(files.items())]
     return Objects.concatenate(parts)
 

@@ -26,6 +26,7 @@ _LONG = ("Car", "Van", "Truck")  # longer than high
 # Values that mean "no 3-D box", h w l x y z ry: in KITTI's labels; in results of 2-D trackers.
 _NO_BOX_LABEL = (-1000.0, -1000.0, -1000.0, -10.0, -1.0, -1.0, -1.0)
 _NO_BOX_RESULT = (-1.0, -1.0, -1.0, -1000.0, -1000.0, -1000.0, -10.0)
+_NO_SIZE = (-1.0, 0.0, -1000.0)  # as h, w and l
 
 
 class Limit(int):
@@ -66,14 +67,15 @@ def read_results(path: str | Path, num_frames: int | None = None, tracked: bool 
     """Reads a tracker's result file: label columns and a score; empty means no tracks.
 
     Files without a score column are accepted, as in the devkit: scores are NaN. Rows of 2-D
-    trackers (-1 -1 -1 -1000 -1000 -1000 -10) get a NaN box. Track ids are required, each
-    once per class in a frame, unless `tracked` is False (detections).
+    trackers (h w l of -1 -1 -1, 0 0 0 or -1000 -1000 -1000) get a NaN box. Track ids are
+    required, each once per class in a frame, unless `tracked` is False (detections).
 
     Raises:
         InputError: as `read_labels`.
     """
     table = read_table(path, (LABEL_COLUMNS, RESULT_COLUMNS), text_column=TYPE_COLUMN)
-    boxless = (table.numbers(10, LABEL_COLUMNS) == _NO_BOX_RESULT).all(axis=1)
+    sizes = table.numbers(10, 13)
+    boxless = np.isin(sizes[:, 0], _NO_SIZE) & (sizes == sizes[:, :1]).all(axis=1)
     return _objects(table, num_frames, boxless, tracked)
 
 

@@ -11,11 +11,10 @@ import numpy as np
 
 from common.errors import InputError
 from common.notes import note
-from kitti.boxes import project_boxes
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
 from kitti.camera_view import image_size_of, in_camera_view
+from kitti.check_rows import note_numbering, note_projection
 from kitti.detections import read_detection_folder
-from kitti.iou import iou_2d_pairs
 from kitti.labels import MAX_FRAMES, MAX_NUMBER, Limit, read_labels, read_results
 from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan
@@ -23,8 +22,6 @@ from kitti.seqmap import check_subset, find_seqmap, sequence_name
 from kitti.tables import read_table, text_file
 
 POSE_COLUMNS = 12  # of a row of poses: a (3, 4) matrix
-_FEW_BOXES = 10  # fewer do not tell
-_LEAST_OVERLAP = 0.4  # median, of boxes in 2-D and 3-D; KITTI's labels have 0.7 to 0.98
 
 
 class KittiSequence:
@@ -50,11 +47,14 @@ class KittiSequence:
         self.name = sequence_name(seq)
         self.folder = self.data_root / subset
         if not self.folder.is_dir():
-            inside = (self.data_root / "label_02").is_dir() and self.data_root.name == subset
-            hint = ": give the folder above this one" if inside else ""
+            hint = _instead(self.data_root, subset)
             raise InputError(f"expected a folder {subset}/ in KITTI's layout{hint}", self.data_root)
         if self.subset == "training" and not self.label_path.exists():
-            raise InputError(f"sequence {self.name} has no label file", self.label_path)
+            other = (self.folder / "label_2").is_dir()
+            hint = (
+                "; label_2/ is the object benchmark's, whose frames do not follow" if other else ""
+            )
+            raise InputError(f"sequence {self.name} has no label file{hint}", self.label_path)
 
     def __repr__(self) -> str:
         return f"KittiSequence({str(self.data_root)!r}, {self.seq}, {self.subset!r})"
@@ -147,21 +147,11 @@ class KittiSequence:
         return self._compared(self._in_frames(rows, folder), folder)
 
     def _compared(self, rows: Objects, path: str | Path) -> Objects:
-        """The rows; notes 3-D boxes that do not project to the 2-D boxes beside them."""
-        if not self.calib_path.is_file():
-            return rows  # 2-D metrics need none
-        given = (rows.bbox[:, 2:] > rows.bbox[:, :2]).all(axis=1) & ~np.isnan(rows.boxes[:, 0])
-        rows_given = rows[given]
-        if len(rows_given) < _FEW_BOXES:
-            return rows
-        projected = project_boxes(rows_given.boxes, self.calib, self.image_size)
-        overlap = np.median(iou_2d_pairs(projected, rows_given.bbox))
-        if overlap < _LEAST_OVERLAP:
-            note(
-                f"{path}: the 3-D boxes do not project to the 2-D boxes (median IoU "
-                f"{overlap:.2f}): expected x y z of the bottom's centre in the rectified camera 0 "
-                "(right, down, ahead), and the calibration of this sequence"
-            )
+        """The rows; notes boxes of another frame of coordinates or of another numbering."""
+        if self.subset == "training":
+            note_numbering(rows, self.objects, path)
+        if self.calib_path.is_file():  # 2-D metrics need none
+            note_projection(rows, self.calib, self.image_size, path)
         return rows
 
     def check_scans(self) -> None:
@@ -256,6 +246,18 @@ class KittiSequence:
         far = (np.abs(poses[:, :3, 3]) > MAX_NUMBER).any(axis=1)
         table.refuse(far, f"expected a position within {MAX_NUMBER:.0e} metres")
         return turn @ poses @ turn.T
+
+
+def _instead(data_root: Path, subset: str) -> str:
+    """Where a folder without `subset` has what belongs there, for the message; "" if nowhere."""
+    if (data_root / "label_02").is_dir():
+        above = "give the folder above this one"
+        return f": {above}" if data_root.name == subset else f": label_02/ belongs into {subset}/"
+    below = sorted(path.parent.name for path in data_root.glob(f"*/{subset}"))
+    if not below:
+        return ""
+    others = f" and {len(below) - 1} others: put them into one folder"
+    return f"; there is one in {below[0]}/{others if below[1:] else ': give that folder'}"
 
 
 def open_sequences(

@@ -155,6 +155,69 @@ def test_boxes_of_another_frame_are_noted(root, tmp_path, capsys, change):
     assert seen in capsys.readouterr().err
 
 
+def test_boxes_out_of_view_are_noted_where_no_2d_boxes_tell(root, tmp_path, capsys):
+    path = root / "detections" / "0000.txt"
+    path.write_text(changed(root, lambda h, x, y, z, ry: (z, -x, h / 2 - y, -ry - np.pi / 2)))
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    path.write_text("".join(",".join([*r[:2], *"0000", *r[6:]]) + "\n" for r in rows))
+    run(root, tmp_path / "a", "--tracker", "sort", "--detections", path.parent)
+    seen = f"{path.parent}: {len(rows)} of {len(rows)} boxes lie outside the camera's view"
+    assert seen in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("shift", [1, -1])
+def test_frames_counted_from_another_number_are_noted(root, tmp_path, capsys, shift):
+    run(root, tmp_path / "a", "--tracker", "gt_displacement")
+    path = tmp_path / "a" / "tracks" / "0000.txt"
+    rows = [line.split(" ", 1) for line in path.read_text().splitlines()]
+    moved = [(int(frame) + shift, rest) for frame, rest in rows]
+    path.write_text("".join(f"{t} {rest}\n" for t, rest in moved if 0 <= t < 12))
+    assert "note" not in capsys.readouterr().err
+    run(root, tmp_path / "b", "--results", path.parent)
+    seen = (
+        f"the boxes of frame t fit the labels of frame t{-shift:+d} better (median distance 0.00 m"
+    )
+    assert seen in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "sizes", ["0 0 0 0 0 0 0", "-1 -1 -1 -1 -1 -1 -1", "-1000 -1000 -1000 -10 -1 -1 -1"]
+)
+def test_2d_trackers_may_write_any_box_of_no_size(root, tmp_path, capsys, sizes):
+    whole = run(root, tmp_path / "a", "--tracker", "sort", "--protocol", "kitti2d")
+    path = tmp_path / "a" / "tracks" / "0000.txt"
+    rows = [line.split() for line in path.read_text().splitlines()]
+    path.write_text("".join(" ".join([*r[:10], sizes, r[17]]) + "\n" for r in rows))
+    flat = run(root, tmp_path / "b", "--results", path.parent, "--protocol", "kitti2d")
+    assert flat["kitti2d"] == whole["kitti2d"]
+    run(root, tmp_path / "c", "--detections", path.parent, "--tracker", "sort")
+    noted = f"{path}: {len(rows)} of {len(rows)} rows have no 3-D box and are left out"
+    assert noted in capsys.readouterr().err
+
+
+def test_frames_without_a_file_of_detections_are_noted(root, tmp_path, capsys):
+    folder = tmp_path / "frames" / "0000"
+    folder.mkdir(parents=True)
+    for t in range(10):
+        (folder / f"{t:06d}.txt").write_text("")
+    argv = ("--tracker", "sort", "--detections", folder.parent)
+    run(root, tmp_path / "a", *argv)
+    assert f"{folder}: 2 of 12 frames have no file, and so no detection" in capsys.readouterr().err
+
+
+def test_a_root_that_is_another_folder_is_named(root, tmp_path, fails):
+    def told(data_root) -> str:
+        return fails("--seqs", "0000", "--out", tmp_path / "a", "--data_root", data_root)
+
+    assert "; there is one in kitti/: give that folder" in told(root.parent)
+    other = shutil.copytree(root / "training", tmp_path / "labels_and_calib")
+    assert "in KITTI's layout: label_02/ belongs into training/" in told(other)
+    shutil.copytree(root, tmp_path / "data_tracking_calib")
+    assert "; there is one in data_tracking_calib/ and 1 others: put them into" in told(tmp_path)
+    (root / "training" / "label_02").rename(root / "training" / "label_2")
+    assert "has no label file; label_2/ is the object benchmark's" in told(root)
+
+
 def test_the_folder_of_the_subset_is_not_the_root(root, tmp_path, fails):
     given = ("--seqs", "0000", "--out", tmp_path / "a", "--data_root", root / "training")
     assert "expected a folder training/ in KITTI's layout: give the folder above" in fails(*given)

@@ -314,8 +314,9 @@ def test_results_without_scores_or_3d_boxes(tmp_path):
     objects = read_results(_write(tmp_path / "r.txt", [flat]))
     assert np.isnan(objects.boxes).all()
     assert np.isnan(objects.score).all()
-    with pytest.raises(InputError, match="sizes h w l above 0"):
-        read_results(_write(tmp_path / "r.txt", [flat.replace("-1000", "-999")]))
+    for sizes in ("-1 -1 -2", "-2 -2 -2", "0 1.6 4"):
+        with pytest.raises(InputError, match="sizes h w l above 0"):
+            read_results(_write(tmp_path / "r.txt", [flat.replace("-1 -1 -1 -", f"{sizes} -")]))
 
 
 def test_writers_refuse_unreadable_values(tmp_path):
