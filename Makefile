@@ -28,7 +28,7 @@ $(CUDA): $(STAMP)
 	@touch $@
 
 ops: $(STAMP)
-	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY)) $(if $(NATIVE),NATIVE=$(NATIVE))
+	@$(MAKE) --no-print-directory -C tf_ops PYTHON="$(CURDIR)/$(PY)" $(if $(NATIVE),NATIVE=$(NATIVE))
 
 demo: ops
 	$(PY) demo.py $(DEMO_FLAGS)
@@ -44,7 +44,7 @@ bench: ops
 	$(PY) -m tf_ops.bench readme
 
 sanitize: $(STAMP)
-	@$(MAKE) --no-print-directory -C tf_ops PYTHON=$(abspath $(PY)) sanitize
+	@$(MAKE) --no-print-directory -C tf_ops PYTHON="$(CURDIR)/$(PY)" sanitize
 
 test: ops
 	$(PY) -m pytest $(PYTEST_FLAGS)

@@ -8,6 +8,7 @@ can be a prerequisite of every object; an unchanged TensorFlow is not imported.
 import importlib.util
 import json
 import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -31,14 +32,14 @@ def fragment(found: str) -> str:
         raise ImportError(f"TensorFlow {tf.__version__} is too old, 2.16 or newer is needed")
     flags = [
         # A system include path: warnings are errors for our code, not for TensorFlow's.
-        f"-isystem {flag[2:]}" if flag.startswith("-I") else flag
+        f"-isystem {shlex.quote(flag[2:])}" if flag.startswith("-I") else flag
         for flag in tf.sysconfig.get_compile_flags()
     ]
     record = json.dumps({"tensorflow": tf.__version__, "git": tf.version.GIT_VERSION})
     return (
         f"# {found}\n"
         f"TF_CFLAGS := {' '.join(flags)}\n"
-        f"TF_LFLAGS := {' '.join(tf.sysconfig.get_link_flags())}\n"
+        f"TF_LFLAGS := {shlex.join(tf.sysconfig.get_link_flags())}\n"
         f"TF_RECORD := {record}\n"
     )
 
@@ -53,7 +54,7 @@ def main(path: Path) -> str | None:
         return None
     try:
         text = fragment(found)
-    except ImportError as error:
+    except Exception as error:  # of TensorFlow's own libraries, which raise many types
         return f"TensorFlow cannot be used ({' '.join(str(error).split())}): {mend}"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)

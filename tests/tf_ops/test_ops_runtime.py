@@ -1,5 +1,6 @@
 """The ops in graphs, input pipelines and threads; instruction sets; loading the library."""
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -225,6 +226,38 @@ def test_build_without_a_compiler_gives_one_line(tmp_path):
     line = build(tmp_path, f"PYTHON={sys.executable}", "CXX=no-such-compiler")
     assert '"no-such-compiler" was not found' in line
     assert "make ops CXX=clang++" in line
+
+
+def test_build_without_python_gives_one_line_even_after_another_build(tmp_path):
+    flags = tmp_path / "tf_ops" / "build" / "flags.mk"
+    flags.parent.mkdir(parents=True)
+    flags.write_text("TF_CFLAGS := -I/somewhere\n")
+    line = build(tmp_path, "PYTHON=/no/such python")
+    assert 'no Python: "/no/such python" was not found' in line and "make PYTHON=" in line
+
+
+@pytest.mark.parametrize(
+    "raised", ["TypeError('Descriptors cannot be created')", "ImportError('x')"]
+)
+def test_build_with_a_broken_tensorflow_gives_one_line(tmp_path, monkeypatch, raised):
+    (tmp_path / "tensorflow").mkdir()
+    (tmp_path / "tensorflow" / "__init__.py").write_text(f"raise {raised}\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    line = build(tmp_path, f"PYTHON={sys.executable}")
+    assert f"TensorFlow cannot be used ({raised.split(chr(39))[1]}): run `make venv`" in line
+
+
+def test_flags_of_a_tensorflow_in_a_folder_with_a_space(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("tf_flags", ROOT / "tf_ops" / "tf_flags.py")
+    tf_flags = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tf_flags)
+    monkeypatch.setattr(
+        tf.sysconfig, "get_compile_flags", lambda: ["-I/my folder/include", "-DA=1"]
+    )
+    monkeypatch.setattr(tf.sysconfig, "get_link_flags", lambda: ["-L/my folder", "-l:lib.so.2"])
+    lines = tf_flags.fragment("here").splitlines()
+    assert lines[1] == "TF_CFLAGS := -isystem '/my folder/include' -DA=1"
+    assert lines[2] == "TF_LFLAGS := '-L/my folder' -l:lib.so.2"
 
 
 def test_build_without_tensorflow_gives_one_line(tmp_path):
