@@ -42,16 +42,16 @@ def save_checkpoint(
 def keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metrics) -> None:
     """Writes best.npz if the metrics of the last epoch are the best so far.
 
-    The metric that selects is missing (NaN in history.csv) where nothing validated defines it.
+    As long as nothing that was validated defines the metric that selects, the last network is kept.
     """
-    name = run.task.best_metric
-    if name not in metrics:
-        if run.task.validation_samples.items:
-            note(f"{name} is undefined on the validation frames: best.npz is not chosen by them")
+    if not run.task.validation_samples.items:
         return
+    name = run.task.best_metric
     largest = max if run.task.best_is_largest else min
     seen = [row[name] for row in history.rows if math.isfinite(row.get(name, math.nan))]
-    if metrics[name] == largest(seen):
+    if name not in metrics:
+        note(f"{name} is undefined on the validation frames and does not select best.npz")
+    if (metrics[name] == largest(seen)) if name in metrics else not seen:
         meta = {**_meta(run, metrics), "step": metrics["step"]}
         checkpoint.save(folder.best_path, meta, **run.networks)
 

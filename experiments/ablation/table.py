@@ -126,7 +126,12 @@ def draw(path: Path, title: str, figures: Figures, paper: Paper) -> None:
         axis.set(title=BOXES[boxes], xlabel="MOTA")
         axis.set_yticks(range(len(names)), reversed(names))
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
     figure.suptitle(title)
+    handles = {
+        label: handle
+        for axis in axes
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120, metadata={"Software": None})

@@ -41,7 +41,7 @@ def test_an_epoch_without_the_figure_does_not_select_a_network(tmp_path, capfd):
         keep_best(run, SimpleNamespace(best_path=path), history, metrics)
         saved.append(path.exists())
         path.unlink(missing_ok=True)
-    assert saved == [False, True, False, False, True]
+    assert saved == [True, True, False, False, True]  # at first the last network is kept
     assert "epe_foreground is undefined" in capfd.readouterr().err
     lines = (tmp_path / "history.csv").read_text().splitlines()
     assert lines[0] == "epoch,step,epe_foreground"
