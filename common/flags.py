@@ -45,7 +45,16 @@ class ArgumentParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Prints one line and exits with code 2."""
-        self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see --help)\n")
+        text = " ".join(message.split()) + self._near(message)
+        self.exit(2, f"{self.prog}: error: {text} (see --help)\n")
+
+    def _near(self, message: str) -> str:
+        """The flag that was probably meant, as --schedule.epochs by --epochs; "" if unknown."""
+        unknown = re.search(r"^unrecognized arguments:.*?--([\w.-]+)", message, re.ASCII)
+        name = unknown[1].replace("-", "_") if unknown else ""
+        known = [flag for flag in self._option_string_actions if flag.startswith("--")]
+        near = [flag for flag in known if name and f".{flag[2:]}".endswith(f".{name}")]
+        return f", is it {near[0]}?" if len(near) == 1 else ""
 
 
 def run(

@@ -9,7 +9,7 @@ from pathlib import Path
 from common.config_flags import add_flags, from_flags
 from common.errors import InputError
 from common.flags import ArgumentParser, non_negative_int
-from training.sampling.data import add_data_flags, open_data
+from training.sampling.data import add_data_flags, check_objects, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
 MAX_WORKERS = 256
@@ -88,6 +88,7 @@ def train(flags, make_task, config, picture=None) -> int:
         flags.workers,
         picture,
     )
+    check_objects(data, run.task.samples.classes)
     replicas = strategy.num_replicas_in_sync
     check_memory(config.schedule.batch_size // replicas, run.task.samples.num_points)
     if flags.init and not flags.resume:
@@ -120,7 +121,10 @@ def start_from(path: str, run) -> None:
     """Assigns the network of a checkpoint, and the auxiliary variables if it has them."""
     from models import checkpoint
 
-    _, arrays = checkpoint.load(path)
+    meta, arrays = checkpoint.load(path)
+    if meta.get("kind") != run.task.kind:
+        expected = f"expected a {run.task.kind} checkpoint"
+        raise InputError(f"{expected}, found {meta.get('kind')!r}", path)
     groups = run.networks
     if not any(name.startswith("auxiliary/") for name in arrays):
         del groups["auxiliary"]

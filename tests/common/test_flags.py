@@ -83,6 +83,24 @@ def test_a_value_may_begin_with_a_dash(value):
     assert parser.parse_args(["part", "--other", value]).other == value
 
 
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("--epochs", ", is it --schedule.epochs?"),
+        ("--data-root=x", ", is it --data_root?"),
+        ("--rate", ""),  # of two
+        ("--poch", ""),
+    ],
+)
+def test_the_flag_that_is_meant_is_named(capsys, word, meant):
+    parser = flags.ArgumentParser(prog="tool")
+    for name in ("--data_root", "--schedule.epochs", "--a.rate", "--b.rate"):
+        parser.add_argument(name)
+    with pytest.raises(SystemExit):
+        parser.parse_args([word, "5"])
+    assert f"unrecognized arguments: {word} 5{meant} (see --help)\n" in capsys.readouterr().err
+
+
 def test_a_word_behind_a_dash_is_no_flag(capsys):
     with pytest.raises(SystemExit):
         flags.ArgumentParser(prog="tool").parse_args(["-seqs"])

@@ -12,6 +12,7 @@ from training.sampling.data import (
     TRAINED,
     Pool,
     add_data_flags,
+    check_objects,
     labelled_sequences,
     open_data,
 )
@@ -51,6 +52,23 @@ def test_all_means_labelled_and_not_held_out(roots):
     assert labelled_sequences(a) == [0, 1, 11]
     with pytest.raises(InputError, match="expected label files"):
         labelled_sequences(a + "/training")
+
+
+def test_data_without_an_object_to_train_on_is_refused(roots, capsys):
+    a, b = roots
+    data = opened("--data_root", b, "--seqs", "all", "--val_data_root", a)
+    check_objects(data, CLASSES)
+    assert capsys.readouterr().err == ""
+    with pytest.raises(
+        InputError, match=r"label_02: there is no labelled box of Tram in the train"
+    ):
+        check_objects(data, ("Tram",))
+    path = data.validation[0].label_path
+    for sequence in data.validation:
+        sequence.objects = sequence.objects[:0]
+    check_objects(data, CLASSES)
+    noted = f"{path.parent}: there is no labelled box of Car, Van in the validation sequences"
+    assert noted in capsys.readouterr().err
 
 
 def test_default_trains_on_all_of_the_papers_but_the_one_held_out():

@@ -335,6 +335,9 @@ def test_init_starts_from_the_network_of_a_checkpoint(tiny_data, tmp_path):
     for name, variable in checkpoint.named_variables(other.task.model).items():
         expected = checkpoint.named_variables(trained.task.model)[name]
         np.testing.assert_array_equal(variable, expected, err_msg=name)
+    checkpoint.save(path, {"kind": "tracker", "config": {}}, **trained.networks)
+    with pytest.raises(InputError, match="expected a detector checkpoint, found 'tracker'"):
+        start_from(path, other)
 
 
 def test_multiworker_needs_tf_config(monkeypatch):

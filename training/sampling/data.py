@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import InputError
+from common.notes import note
 from kitti.check_points import check_points
 from kitti.seqmap import parse_sequences
 from kitti.sequence import KittiSequence, labelled_sequences, open_sequences
@@ -147,6 +148,24 @@ def open_data(flags: argparse.Namespace) -> TrainingData:
     for sequence in (*data.training, *data.validation):
         check_points(sequence)
     return data
+
+
+def check_objects(data: TrainingData, classes: Sequence[str]) -> None:
+    """Notes validation sequences without any labelled box of the classes.
+
+    Raises:
+        InputError: the training sequences have none.
+    """
+    without = f"there is no labelled box of {', '.join(classes)}"
+    if not _has_objects(data.training, classes):
+        folder = data.training[0].label_path.parent
+        raise InputError(f"{without} in the training sequences", folder)
+    if data.validation and not _has_objects(data.validation, classes):
+        note(f"{data.validation[0].label_path.parent}: {without} in the validation sequences")
+
+
+def _has_objects(sequences: Sequence[KittiSequence], classes: Sequence[str]) -> bool:
+    return any(len(sequence.objects.of_classes(classes)) for sequence in sequences)
 
 
 def _numbers(
