@@ -127,7 +127,7 @@ def parse(table: Ablation, doc: str, argv: Sequence[str] | None) -> argparse.Nam
 
 
 COST = (
-    "On two cores, with the defaults: about 8 minutes a row and seed to train, 1 to evaluate; "
+    "On two cores, with the defaults: about 9 minutes a row and seed to train, 1 to evaluate; "
     "30 minutes once for the detector's outputs; 4 MB of disk for each pair, 2 for each frame. "
     "Two processes of one thread each, on one workdir, take a sixth less than one of two."
 )
