@@ -59,12 +59,16 @@ def save(path: str | Path, meta: dict[str, Any], **groups: Variables) -> None:
     write_arrays(path, meta=np.frombuffer(text.encode(), np.uint8), **arrays)
 
 
-def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def load(path: str | Path, kind: str | None = None) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Reads a checkpoint: its meta and its arrays by name; no code in the file is executed.
+
+    Args:
+        path: of the file.
+        kind: "detector" or "tracker"; None: either.
 
     Raises:
         InputError: the file is missing, truncated, corrupt, larger than MAX_BYTES, of another
-            format, or not a checkpoint of this project.
+            format or kind, or not a checkpoint of this project.
     """
     path = Path(path)
     if not path.is_file():
@@ -85,6 +89,8 @@ def load(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise InputError(f"not a whole checkpoint of this project ({reason})", path) from error
     if version != FORMAT:
         raise InputError(f"expected checkpoint format {FORMAT}, found {version!r}", path)
+    if kind not in (None, meta.get("kind")):
+        raise InputError(f"expected a {kind} checkpoint, found {meta.get('kind')!r}", path)
     return meta, arrays
 
 

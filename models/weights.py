@@ -22,9 +22,7 @@ def read_network(path: str | Path, kind: str) -> tuple[dict[str, Any], Any, dict
     Raises:
         InputError: missing, broken, or of another kind.
     """
-    meta, arrays = checkpoint.load(path)
-    if meta.get("kind") != kind:
-        raise InputError(f"expected a {kind} checkpoint, found {meta.get('kind')!r}", path)
+    meta, arrays = checkpoint.load(path, kind)
     config = from_dict(CONFIGS[kind], meta.get("network"), path)
     return meta, config, {name: a for name, a in arrays.items() if name.startswith("model/")}
 

@@ -121,10 +121,7 @@ def start_from(path: str, run) -> None:
     """Assigns the network of a checkpoint, and the auxiliary variables if it has them."""
     from models import checkpoint
 
-    meta, arrays = checkpoint.load(path)
-    if meta.get("kind") != run.task.kind:
-        expected = f"expected a {run.task.kind} checkpoint"
-        raise InputError(f"{expected}, found {meta.get('kind')!r}", path)
+    _, arrays = checkpoint.load(path, run.task.kind)
     groups = run.networks
     if not any(name.startswith("auxiliary/") for name in arrays):
         del groups["auxiliary"]

@@ -42,11 +42,11 @@ class History:
     def add(self, row: dict[str, float]) -> None:
         """Adds a row and writes the file anew, atomically; a figure that a row lacks is nan."""
         self.rows.append(row)
-        text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=self._columns(), lineterminator="\n")
+        text, columns = io.StringIO(), self._columns()
+        writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         for r in self.rows:
-            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in self._columns()})
+            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in columns})
         write_text(self.path, text.getvalue())
 
     def plot(self, path: str | Path) -> None:

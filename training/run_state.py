@@ -49,9 +49,12 @@ def keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metr
     name = run.task.best_metric
     largest = max if run.task.best_is_largest else min
     seen = [row[name] for row in history.rows if math.isfinite(row.get(name, math.nan))]
-    if name not in metrics:
+    if name in metrics:
+        best = metrics[name] == largest(seen)
+    else:
         note(f"{name} is undefined on the validation frames and does not select best.npz")
-    if (metrics[name] == largest(seen)) if name in metrics else not seen:
+        best = not seen
+    if best:
         meta = {**_meta(run, metrics), "step": metrics["step"]}
         checkpoint.save(folder.best_path, meta, **run.networks)
 

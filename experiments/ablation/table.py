@@ -127,11 +127,7 @@ def draw(path: Path, title: str, figures: Figures, paper: Paper) -> None:
         axis.set_yticks(range(len(names)), reversed(names))
         axis.grid(alpha=0.3)
     figure.suptitle(title)
-    handles = {
-        label: handle
-        for axis in axes
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    handles, labels = axes[0].get_legend_handles_labels()  # the paper's cross is in the first alone
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120, metadata={"Software": None})

@@ -44,8 +44,8 @@ def _parse_pcd(data: bytes) -> np.ndarray:
     if meta.points * each > len(data) * (_COMPRESSION if packed else 1):
         raise ValueError(f"{meta.points} points declared in {len(data)} bytes")
     if meta.data == Encoding.ASCII:
-        lines = numbered_lines(data, len(data) - len(body))
-        return parse_lines(lines, meta.points, meta.build_dtype())
+        rows = numbered_lines(data, len(data) - len(body))
+        return parse_lines(rows, meta.points, meta.build_dtype())
     whole = "\n".join([*lines, ""]).encode() + body
     points = np.atleast_1d(PointCloud.from_fileobj(io.BytesIO(whole)).pc_data)
     if len(points) != meta.points:

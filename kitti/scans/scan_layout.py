@@ -49,7 +49,8 @@ _DTYPE = re.compile(r"float(16|32|64)|u?int(8|16|32|64)|[<>]?(f[248]|[iu][1248])
 _MILLIMETRES = 4000.0  # the median range of a scan is between 4 and 40 metres
 _FAR = 500.0  # metres; no automotive scanner measures farther
 _MAX_INTENSITY = 65535.0
-_MOST = {"i": _MAX_INTENSITY, "ring": 255.0, "t": 2e9}
+_RANGES = {"i": (0, _MAX_INTENSITY), "ring": (0, 255), "t": (-2e9, 2e9)}
+"""Plausible numbers of a column; times may count back from the end of a turn."""
 _STRAY = 0.01  # share of implausible numbers that a right layout may hold
 _LOW = 1.0  # metres; less than the height of any scene, and as much as an intensity up to 1
 _FEW = 10  # points; fewer do not tell
@@ -221,8 +222,8 @@ def _flatness(numbers: np.ndarray, columns: tuple[str, ...]) -> float:
     size = np.abs(xyz)
     strange = (size > _FAR) | ((size > 0) & (size < 1e-12))
     for column, name in zip(numbers.T, columns, strict=True):
-        least = -_MOST["t"] if name == "t" else 0  # times may count back from the end of a turn
-        if name in _MOST and ((column < least) | (column > _MOST[name])).mean() > _STRAY:
+        least, most = _RANGES.get(name, (-np.inf, np.inf))
+        if ((column < least) | (column > most)).mean() > _STRAY:
             return np.inf
         if name == "ring" and (column != np.rint(column)).any():
             return np.inf
