@@ -87,8 +87,7 @@ class AssociationToTrajectory:
         moved = self._move(detections, context)
         # lines 9-12: the pairs of largest (G)IoU above tau, largest first so that it is one-to-one;
         # lines 13-15: the unmatched boxes of t-1 and of t
-        similarity = SIMILARITY[p.similarity](moved, boxes)
-        matching = greedy(np.where(similarity > p.min_similarity, -similarity, np.inf), 1.0)
+        matching = greedy(self._costs(moved, boxes), 1.0)
         # line 16: update the trajectories
         for row, column in matching.pairs:
             previous[row].state.box = boxes[column]
@@ -131,6 +130,19 @@ class AssociationToTrajectory:
                 state.displacement = moved
         boxes[:, :3] += np.array([state.displacement for state in states]).reshape(-1, 3)
         return boxes
+
+    def _costs(self, moved: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+        """(T, M) the negative similarity, infinite for pairs that do not match.
+
+        A track in its probation matches only a box that overlaps it: else false boxes that lie
+        apart would confirm each other.
+        """
+        p = self.parameters
+        similarity = SIMILARITY[p.similarity](moved, boxes)
+        matching = similarity > p.min_similarity
+        new = np.array([track.hits < p.min_hits for track in self.life.tracks], bool)
+        matching[new] &= iou_3d(moved[new], boxes) > TAU["iou_3d"]
+        return np.where(matching, -similarity, np.inf)
 
     def _is_shown(self, track: Track, detections: FrameDetections) -> bool:
         """True for a matched track past its probation; in the first frames for any matched one."""

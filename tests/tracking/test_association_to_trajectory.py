@@ -180,6 +180,25 @@ def test_the_probation_of_ab3dmot():
     assert shown == [[0], [0], [0], [0], [0], [0, 1]]
 
 
+def test_in_its_probation_a_track_matches_only_a_box_that_overlaps_it():
+    apart, near = cars(0.0, 6.0), cars(0.0, 1.0)  # GIoU -0.2 and 0.6
+    shown = {}
+    for name in ("pointtracknet", "pointtracknet_probation"):
+        for case, second in (("apart", apart), ("near", near)):
+            tracker = make_tracker(name)
+            for _ in range(3):
+                step(tracker, cars(40.0))
+            tracks = [step(tracker, np.r_[cars(40.0), second[i % 2 : i % 2 + 1]]) for i in range(3)]
+            shown[name, case] = tracks[-1].ids.tolist()
+    assert shown["pointtracknet", "apart"] == shown["pointtracknet", "near"] == [0, 1]
+    assert shown["pointtracknet_probation", "near"] == [0, 1]
+    assert shown["pointtracknet_probation", "apart"] == [0]
+    tracker = make_tracker("pointtracknet_probation")
+    for _ in range(3):
+        step(tracker, cars(0.0))
+    assert step(tracker, cars(6.0)).ids.tolist() == [0]  # past its probation
+
+
 def test_unknown_box_displacement_falls_back_to_the_last_one():
     tracker = make_tracker("gt_displacement")
     step(tracker, cars(0.0), label_ids=[4])
