@@ -15,7 +15,8 @@ from evaluation.run import evaluate
 from evaluation.scene import Scene
 from tracking import PREDICTED_MOTION, FrameDetections
 
-SIDE_BY_SIDE = ("pointtracknet", "pointtracknet_probation", "sort", "deep_sort", "ab3dmot")
+OURS = ("pointtracknet", "pointtracknet_no_probation")
+SIDE_BY_SIDE = (*OURS, "sort", "deep_sort", "ab3dmot")
 NETWORK_PARTS = ("detect", "displacement", "appearance")
 
 

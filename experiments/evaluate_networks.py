@@ -24,7 +24,7 @@ from evaluation.detections import LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
+from evaluation.side_by_side import OURS, SIDE_BY_SIDE, evaluate_cached
 from experiments.runs import make_parser, shown, write
 from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
@@ -111,9 +111,11 @@ def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dic
         title = "" if protocol == "clear3d" else f"{protocol} "
         for (min_iou, tracker), record in records.items():
             metrics[f"{title}MOTA@{min_iou}, {tracker}"] = record[protocol]["overall"]["MOTA"]
-    chosen = replace(config, detections="gt", score_threshold=None, out=out / "gt")
-    record = evaluate(chosen, provider=LabelBoxesWithPredictedMotion(cached))
-    metrics["MOTA@0.5, pointtracknet on true boxes"] = record["clear3d"]["overall"]["MOTA"]
+    true = replace(config, detections="gt", score_threshold=None)
+    for tracker in OURS:
+        chosen = replace(true, tracker=tracker, out=out / f"{tracker}-gt")
+        record = evaluate(chosen, provider=LabelBoxesWithPredictedMotion(cached))
+        metrics[f"MOTA@0.5, {tracker} on true boxes"] = record["clear3d"]["overall"]["MOTA"]
     return metrics
 
 

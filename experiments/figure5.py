@@ -15,6 +15,7 @@ from common import flags
 from common.files import atomic_path, write_json, write_text
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK
+from evaluation.side_by_side import OURS
 from experiments.paper import TABLE5
 from experiments.runs import (
     TRACKER_NAMES,
@@ -33,6 +34,7 @@ BASELINES = ("ab3dmot", "deep_sort", "sort")
 COLORS = {
     "gt_displacement": "tab:gray",
     "pointtracknet": "tab:red",
+    "pointtracknet_no_probation": "tab:pink",
     "ab3dmot": "tab:green",
     "deep_sort": "tab:orange",
     "sort": "tab:blue",
@@ -56,8 +58,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     panels = {GROUND_TRUTH: ("gt_displacement", *BASELINES)}
     if args.weights is not None:
         fields |= network_fields(args)
-        panels[GROUND_TRUTH] = ("gt_displacement", "pointtracknet", *BASELINES)
-        panels[NETWORK] = ("pointtracknet", *BASELINES)
+        panels[GROUND_TRUTH] = ("gt_displacement", *OURS, *BASELINES)
+        panels[NETWORK] = (*OURS, *BASELINES)
     rows = {
         (boxes, tracker, distance): Run(
             tracker=tracker, detections=boxes, object_shift=distance, **fields

@@ -30,8 +30,8 @@ SPAWN = get_context("spawn")
 """Workers are spawned: a process forked beside TensorFlow's threads may deadlock."""
 TRACKER_NAMES = {
     "pointtracknet": "PointTrackNet",
+    "pointtracknet_no_probation": "PointTrackNet, no probation",
     "pointtracknet_published": "PointTrackNet, as published",
-    "pointtracknet_probation": "PointTrackNet, probation of 3",
     "sort": "SORT",
     "sort_image": "SORT, image boxes",
     "deep_sort": "DEEP_SORT",

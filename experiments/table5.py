@@ -35,7 +35,7 @@ from experiments.runs import (
 
 BASELINES = ("sort", "sort_image", "deep_sort", "ab3dmot")
 UPPER_BOUND = "gt_displacement"
-OURS = ("pointtracknet", "pointtracknet_published", "pointtracknet_probation")
+OURS = ("pointtracknet", "pointtracknet_no_probation", "pointtracknet_published")
 DISPLACEMENT = {UPPER_BOUND: "of the labels", **dict.fromkeys(OURS, "predicted")}
 DISTANCES = (0.0, 2.0)
 DIGITS = {"IDS": 0, "FRAG": 0}

@@ -72,7 +72,7 @@ class NoisyLabels(AssociationByLabels):
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parses the flags, runs every trial, writes the table."""
-    parser = make_parser(__doc__, "0000,0001,0004,0005,0007,0009,0010,0011,0015")
+    parser = make_parser(__doc__, "0001,0004,0005,0007,0009,0010,0011,0015")
     add = parser.add_argument
     add("--detections", type=Path, required=True, help="folder of detection files")
     add("--min_score", type=finite_float, default=2.0, help="least score of a detection")

@@ -50,7 +50,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
         assert all(r["seconds_per_frame"]["total"] > 0 for r in trackers.values())
     assert {"python", "numpy", "tensorflow"} <= set(metrics["run"]["versions"])
     table = (out / "table.md").read_text()
-    assert "| PointTrackNet, probation of 3 |" in table and "paper, KITTI" in table
+    assert "| PointTrackNet, no probation |" in table and "paper, KITTI" in table
     assert table.splitlines()[4] in printed
     for name in ("table.md", "metrics.json", "index.html"):
         assert str(out / name) in printed

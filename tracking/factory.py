@@ -16,12 +16,12 @@ from tracking.interface import MultiObjectTracker
 from tracking.sort import Sort, SortParameters
 
 TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
-    "pointtracknet": (AssociationToTrajectory, AssociationParameters()),
+    "pointtracknet": (AssociationToTrajectory, AssociationParameters(min_hits=3)),
+    "pointtracknet_no_probation": (AssociationToTrajectory, AssociationParameters()),
     "pointtracknet_published": (
         AssociationToTrajectory,
         AssociationParameters(similarity="iou_3d", lost_frames=0),
     ),
-    "pointtracknet_probation": (AssociationToTrajectory, AssociationParameters(min_hits=3)),
     "gt_displacement": (AssociationByLabels, AssociationParameters()),
     "sort": (Sort, SortParameters()),
     "sort_image": (Sort, SortParameters(space="image")),
@@ -29,7 +29,7 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "ab3dmot": (Ab3dmot, Ab3dmotParameters()),
 }
 """Name -> class and its default parameters."""
-PREDICTED_MOTION = ("pointtracknet", "pointtracknet_published", "pointtracknet_probation")
+PREDICTED_MOTION = ("pointtracknet", "pointtracknet_no_probation", "pointtracknet_published")
 """The trackers that need the networks' displacement."""
 
 

@@ -38,7 +38,7 @@ def test_networks_run_once(root, tmp_path):
     rows = {(f["boxes"], f["tracker"], f["displacement"]): f["per_seed"] for f in read("table5")}
     true, found = "Ground-truth boxes of Car and Van", "The detector's boxes, Car and Van"
     assert {key[0] for key in rows} == {true, found}
-    assert rows[true, "pointtracknet", 2.0][0]["FN"] == 0
+    assert rows[true, "pointtracknet_no_probation", 2.0][0]["FN"] == 0
     assert len(rows[found, "sort", 2.0]) == 2
     curves = {(f["boxes"], f["tracker"], f["displacement"]): f["per_seed"] for f in read("figure5")}
     assert curves["gt", "pointtracknet", 2] == rows[true, "pointtracknet", 2.0]

@@ -38,7 +38,7 @@ def test_a_point_in_two_boxes_counts_in_both():
 
 
 def test_points_carry_a_box_past_its_own_length():
-    tracker = make_tracker("pointtracknet")
+    tracker = make_tracker("pointtracknet_no_probation")
     step(tracker, cars(0.0))
     points, displacement = np.array([[0.5, 0, -1]]), np.array([[10.0, 0, 0]])
     tracks = step(tracker, cars(10.2), points=points, displacement=displacement)
@@ -47,7 +47,7 @@ def test_points_carry_a_box_past_its_own_length():
 
 
 def test_without_displacement_the_same_jump_is_a_new_object():
-    tracker = make_tracker("pointtracknet")
+    tracker = make_tracker("pointtracknet_no_probation")
     step(tracker, cars(0.0))
     assert step(tracker, cars(10.2)).ids.tolist() == [1]
 
@@ -72,9 +72,9 @@ def test_the_larger_iou_wins_a_conflict():
         ("pointtracknet_published", {"tau": 1.0 / 3.0}, 2.1, False),  # 1.9 / 6.1 = 0.311
         ("pointtracknet_published", {}, 3.9, True),  # 0.1 / 7.9 = 0.0127
         ("pointtracknet_published", {}, 3.95, False),  # 0.05 / 7.95 = 0.0063
-        ("pointtracknet", {}, 9.2, True),  # -5.2 / 13.2 = -0.394
-        ("pointtracknet", {}, 9.5, False),  # -5.5 / 13.5 = -0.407
-        ("pointtracknet", {"tau": -1.0}, 90.0, True),
+        ("pointtracknet_no_probation", {}, 9.2, True),  # -5.2 / 13.2 = -0.394
+        ("pointtracknet_no_probation", {}, 9.5, False),  # -5.5 / 13.5 = -0.407
+        ("pointtracknet_no_probation", {"tau": -1.0}, 90.0, True),
     ],
 )
 def test_a_match_has_a_similarity_above_tau(name, parameters, shift, matched):
@@ -91,13 +91,13 @@ def test_boxes_apart_never_match_even_with_a_tau_of_0():
 
 def test_boxes_that_overlap_come_before_those_apart():
     """A displacement off by 6 m and one off by 1 m compete for a box; the other box is left."""
-    tracker = make_tracker("pointtracknet")
+    tracker = make_tracker("pointtracknet_no_probation")
     step(tracker, cars(-6.0, 1.0))
     assert step(tracker, cars(0.0, -12.0)).detections.tolist() == [1, 0]
 
 
 def test_a_lost_object_repeats_its_last_displacement():
-    tracker = make_tracker("pointtracknet", max_age=2)
+    tracker = make_tracker("pointtracknet_no_probation", max_age=2)
     step(tracker, cars(0.0))
     points, displacement = np.array([[0.0, 0, -1]]), np.array([[5.0, 0, 0]])
     step(tracker, cars(5.0), points=points, displacement=displacement)
@@ -108,7 +108,7 @@ def test_a_lost_object_repeats_its_last_displacement():
 
 
 def test_lost_object_follows_the_points_still_inside_its_moved_box():
-    tracker = make_tracker("pointtracknet", max_age=2)
+    tracker = make_tracker("pointtracknet_no_probation", max_age=2)
     step(tracker, cars(0.0))
     there = {"points": np.array([[0.0, 0, -1]]), "displacement": np.array([[3.0, 0, 0]])}
     step(tracker, cars(), **there)  # lost, now at 3
@@ -119,7 +119,7 @@ def test_lost_object_follows_the_points_still_inside_its_moved_box():
 
 
 def test_lost_object_dies_after_max_age():
-    tracker = make_tracker("pointtracknet", max_age=1)
+    tracker = make_tracker("pointtracknet_no_probation", max_age=1)
     step(tracker, cars(0.0))
     step(tracker, cars())
     step(tracker, cars())
@@ -132,7 +132,7 @@ SEEN = np.array([[2.0, 0, -1], [3.0, 0, -1], [4.0, 0, -1]])  # in the box that m
 
 def lost(after=3, boxes=(), mask=SEEN, **parameters):
     """The tracks where a vehicle at 0 is not found in its frame `after`, moved by 3 m."""
-    tracker = make_tracker("pointtracknet", **parameters)
+    tracker = make_tracker("pointtracknet_no_probation", **parameters)
     for _ in range(after):
         step(tracker, cars(0.0))
     return tracker, step(tracker, cars(*boxes), **MOVED, mask=mask)
@@ -156,7 +156,7 @@ def test_a_lost_object_is_reported_on_evidence_alone():
 
 
 def test_a_lost_object_behind_a_detected_one_is_not_reported():
-    tracker = make_tracker("pointtracknet")
+    tracker = make_tracker("pointtracknet_no_probation")
     for _ in range(3):
         step(tracker, cars(0.0, 4.5))
     tracks = step(tracker, cars(4.5), **MOVED, mask=SEEN)  # the moved box, at 3, overlaps it
@@ -164,7 +164,7 @@ def test_a_lost_object_behind_a_detected_one_is_not_reported():
 
 
 def test_probation_and_start_score():
-    tracker = make_tracker("pointtracknet", min_hits=2, min_start_score=0.5)
+    tracker = make_tracker("pointtracknet_no_probation", min_hits=2, min_start_score=0.5)
     assert len(step(tracker, cars())) == len(step(tracker, cars())) == 0
     assert len(step(tracker, cars(0.0, 20.0), scores=[0.9, 0.4])) == 0
     tracks = step(tracker, cars(0.0, 20.0), scores=[0.3, 0.4])
@@ -174,7 +174,7 @@ def test_probation_and_start_score():
 
 def test_the_probation_of_ab3dmot():
     """In the first three frames every track is shown, later one from its third detection on."""
-    tracker = make_tracker("pointtracknet_probation")
+    tracker = make_tracker("pointtracknet")
     shown = [step(tracker, cars(0.0)).ids.tolist() for _ in range(3)]
     shown += [step(tracker, cars(0.0, 20.0)).ids.tolist() for _ in range(3)]
     assert shown == [[0], [0], [0], [0], [0], [0, 1]]
@@ -183,17 +183,21 @@ def test_the_probation_of_ab3dmot():
 def test_in_its_probation_a_track_matches_only_a_box_that_overlaps_it():
     apart, near = cars(0.0, 6.0), cars(0.0, 1.0)  # GIoU -0.2 and 0.6
     shown = {}
-    for name in ("pointtracknet", "pointtracknet_probation"):
+    for name in ("pointtracknet_no_probation", "pointtracknet"):
         for case, second in (("apart", apart), ("near", near)):
             tracker = make_tracker(name)
             for _ in range(3):
                 step(tracker, cars(40.0))
             tracks = [step(tracker, np.r_[cars(40.0), second[i % 2 : i % 2 + 1]]) for i in range(3)]
             shown[name, case] = tracks[-1].ids.tolist()
-    assert shown["pointtracknet", "apart"] == shown["pointtracknet", "near"] == [0, 1]
-    assert shown["pointtracknet_probation", "near"] == [0, 1]
-    assert shown["pointtracknet_probation", "apart"] == [0]
-    tracker = make_tracker("pointtracknet_probation")
+    assert (
+        shown["pointtracknet_no_probation", "apart"]
+        == shown["pointtracknet_no_probation", "near"]
+        == [0, 1]
+    )
+    assert shown["pointtracknet", "near"] == [0, 1]
+    assert shown["pointtracknet", "apart"] == [0]
+    tracker = make_tracker("pointtracknet")
     for _ in range(3):
         step(tracker, cars(0.0))
     assert step(tracker, cars(6.0)).ids.tolist() == [0]  # past its probation
@@ -226,14 +230,14 @@ def test_unknown_box_displacement_falls_back_to_the_last_one():
     ],
 )
 def test_bad_points_are_refused(points, displacement, message):
-    tracker = make_tracker("pointtracknet")
+    tracker = make_tracker("pointtracknet_no_probation")
     with pytest.raises(InputError, match=message):
         step(tracker, cars(0.0), points=points, displacement=displacement)
 
 
 def test_points_without_displacement_are_refused():
     with pytest.raises(InputError, match="displacement"):
-        step(make_tracker("pointtracknet"), cars(0.0), points=np.zeros((2, 3)))
+        step(make_tracker("pointtracknet_no_probation"), cars(0.0), points=np.zeros((2, 3)))
 
 
 def test_background_points_do_not_slow_a_box_down():
@@ -262,4 +266,4 @@ def test_background_points_do_not_slow_a_box_down():
 )
 def test_parameters_out_of_range_are_refused(name, value):
     with pytest.raises(InputError, match=f"{name}: expected"):
-        make_tracker("pointtracknet", **{name: value})
+        make_tracker("pointtracknet_no_probation", **{name: value})
