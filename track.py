@@ -208,8 +208,7 @@ def draw(
     def points(t: int):
         return tracker.points_level(scans.points(t)) if t in scans.files else None
 
-    first, last = scans.frames[0], scans.frames[-1]
-    return draw_unlabelled(name, results, points, first, last, out, max_frames, seen)
+    return draw_unlabelled(name, results, points, scans.frames, out, max_frames, seen)
 
 
 def parse_config(argv: Sequence[str] | None = None) -> TrackConfig:

@@ -169,8 +169,9 @@ def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
     _check_suffix(args.out, STILL)
     clip = make_clip(args, args.object_shift, args.results[0])
     frame = clip.busiest_frame() if args.frame is None else args.frame
-    if frame >= clip.num_frames:
-        raise InputError(f"--frame: expected below {clip.num_frames}, found {frame}")
+    if frame not in clip.frames:
+        first, last = clip.frames[0], clip.frames[-1]
+        raise InputError(f"--frame: expected {first} to {last}, found {frame}")
     return [save(birds_eye(clip, frame), args.out)]
 
 

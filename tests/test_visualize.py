@@ -124,7 +124,7 @@ def test_animation_has_every_frame(root, tmp_path):
         ("scene", "a.html", ("--object_shift", "1e6"), "--object_shift: expected 0 to 1000 metres"),
         ("scene", "a.html", ("--results", "none"), "0000.txt"),
         ("scene", "a.html", ("--foreground", "--weights", "none"), "detector.npz: expected a"),
-        ("birds_eye", "a.png", ("--results", "R", "--frame", "4"), "--frame: expected below 4"),
+        ("birds_eye", "a.png", ("--results", "R", "--frame", "4"), "--frame: expected 0 to 3"),
         ("birds_eye", "a.png", ("--results", "none"), "0000.txt"),
         ("birds_eye", "a.png", ("--results", "R", "--seq", "0000-0001"), "expected one sequence"),
         ("network", "pictures", ("--frame", "0"), "frame 0: expected a scan there and in the"),

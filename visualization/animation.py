@@ -33,14 +33,14 @@ def animate(
     each_frame: Callable[[], None] = lambda: None,
 ) -> Path:
     """Writes the first `max_frames` frames (0: all) as an endless GIF; notes omitted frames."""
-    count = animated_frames(clip.num_frames, max_frames)
-    if count < clip.num_frames:
-        note(f"{path}: the first {count} of {clip.num_frames} frames; --animation_frames 0: all")
+    count = animated_frames(len(clip.frames), max_frames)
+    if count < len(clip.frames):
+        note(f"{path}: the first {count} of {len(clip.frames)} frames; --animation_frames 0: all")
     title = title or f"sequence {clip.name}"
     view = BirdsEye(clip, id_color, TRAIL, SIZE)
     view.figure.set_dpi(100)
     canvas, images = FigureCanvasAgg(view.figure), []
-    for t in range(count):
+    for t in clip.frames[:count]:
         view.draw(t, f"{title}, frame {t}")
         images.append(_image(canvas))
         each_frame()

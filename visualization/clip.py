@@ -14,15 +14,16 @@ class Clip:
 
     Attributes:
         name: of the sequence.
-        num_frames: frames are 0 ... num_frames - 1.
+        frames: numbers of the frames that are shown, in the rows and in `points`.
         points: scan of a frame, (n, >=3) level frame, or None where it is missing.
         results: the tracks.
         truth: labelled vehicles; no rows without labels.
-        poses: (F, 4, 4) level frame of frame t -> of frame 0, or None where unknown.
+        poses: (F, 4, 4) level frame of frame t -> of frame 0, F at least the end of `frames`; or
+            None where unknown.
     """
 
     name: str
-    num_frames: int
+    frames: range
     points: Callable[[int], np.ndarray | None]
     results: Objects
     truth: Objects
@@ -33,7 +34,7 @@ class Clip:
         """From an `evaluation.scene.Scene` and the rows of its result file."""
         truth = scene.objects.of_classes(VEHICLES)
         poses = scene.sequence.poses
-        return cls(scene.name, scene.num_frames, scene.points, results, truth, poses)
+        return cls(scene.name, scene.frames, scene.points, results, truth, poses)
 
     def scan(self, t: int) -> np.ndarray:
         """(n, 3) points of frame t; (0, 3) where the scan is missing."""
@@ -63,6 +64,6 @@ class Clip:
     def busiest_frame(self) -> int:
         """The frame of the second half with most labelled (else tracked) objects."""
         objects = self.truth if len(self.truth) else self.results
-        count = np.bincount(objects.frame, minlength=self.num_frames)[: self.num_frames]
-        first = self.num_frames // 2
-        return first + int(np.argmax(count[first:]))
+        later = self.frames[len(self.frames) // 2 :]
+        count = np.bincount(objects.frame, minlength=later.stop)
+        return later.start + int(np.argmax(count[later.start : later.stop]))

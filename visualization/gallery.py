@@ -54,7 +54,7 @@ def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> N
     clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips.
     """
     first = clips[0]
-    frames = animated_frames(first.num_frames, 100)
+    frames = animated_frames(len(first.frames), 100)
     with Progress(frames + 1 + len(clips), "pictures of tracks", "pictures") as bar:
         t = first.busiest_frame()
         save(birds_eye(first, t, f"{titles[0]}, frame {t}"), folder / "birds_eye.png")
@@ -68,29 +68,26 @@ def draw_unlabelled(
     name: str,
     results: Objects,
     points: Callable[[int], np.ndarray | None],
-    first: int,
-    last: int,
+    frames: range,
     folder: Path,
     max_frames: int = 100,
     seen: ScenePoints | None = None,
 ) -> list[Path]:
-    """Draws Fig. 1 and Fig. 6 at frame `last`, animation and scene of frames first ... last.
+    """Draws Fig. 1 and Fig. 6 at the last frame, animation and scene of all `frames`.
 
-    results, points: as in `Clip`, with the frame numbers of the files; max_frames: as in `animate`;
-    seen: the points of the scene, by default those of the pictures. Returns the files written.
+    results, points, frames: as in `Clip`; max_frames: as in `animate`; seen: the points of the
+    scene, by default those of the pictures. Returns the files written.
     """
-    shifted = replace(results, frame=results.frame - first)
-    count = last - first + 1
-    clip = Clip(name, count, lambda t: points(t + first), shifted, Objects.empty())
+    clip = Clip(name, frames, points, results, Objects.empty())
     files = ("birds_eye.png", "trajectories.png", "animation.gif", "scene.html")
     paths = [folder / file for file in files]
-    with Progress(animated_frames(count, max_frames) + 3, "pictures", "pictures") as bar:
-        save(birds_eye(clip, count - 1, f"{name}, frame {last}"), paths[0])
+    with Progress(animated_frames(len(frames), max_frames) + 3, "pictures", "pictures") as bar:
+        save(birds_eye(clip, frames[-1], f"{name}, frame {frames[-1]}"), paths[0])
         bar.update()
         save(trajectories([clip], [name]), paths[1], dpi=110)
         bar.update()
         animate(clip, paths[2], name, max_frames, bar.update)
-        draw_scene(clip, {"PointTrackNet": shifted}, name, paths[3], first=first, points=seen)
+        draw_scene(clip, {"PointTrackNet": results}, name, paths[3], points=seen)
         bar.update()
     return paths
 
@@ -156,15 +153,15 @@ def draw_network(
 
 
 def _checked_frame(clip: Clip, t: int) -> int:
-    if not 1 <= t < clip.num_frames or not len(clip.scan(t)) or not len(clip.scan(t - 1)):
+    if t not in clip.frames[1:] or not len(clip.scan(t)) or not len(clip.scan(t - 1)):
         raise InputError(f"frame {t}: expected a scan there and in the frame before")
     return t
 
 
 def _frame_with_scans(clip: Clip) -> int:
     """The busiest frame, or the nearest one that has a scan and one before it."""
-    order = np.argsort(np.abs(np.arange(1, clip.num_frames) - clip.busiest_frame()), kind="stable")
-    for t in order + 1:
-        if len(clip.scan(int(t))) and len(clip.scan(int(t) - 1)):
-            return int(t)
+    busiest = clip.busiest_frame()
+    for t in sorted(clip.frames[1:], key=lambda t: abs(t - busiest)):
+        if len(clip.scan(t)) and len(clip.scan(t - 1)):
+            return t
     raise InputError(f"sequence {clip.name} has no two adjacent scans")

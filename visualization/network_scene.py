@@ -25,7 +25,7 @@ class NetworkFrame:
     Attributes:
         t: the frame.
         points: (N, 4) input points of the detector, and their foreground probability.
-        detections: its boxes, frame 0 in the rows, ids by score.
+        detections: its boxes, ids by score.
         proposals, proposal_scores: (P, 7) boxes of single points and (P,) their probabilities.
         earlier: (K, 3) the points of frame t-1 that the tracker keeps.
         foreground: (K,) their foreground probability.
@@ -56,14 +56,12 @@ def owners(proposals: np.ndarray, detections: np.ndarray) -> np.ndarray:
 
 def network_data(clip: Clip, frame: NetworkFrame) -> dict[str, Any]:
     """The scene of one frame, JSON-ready; labels are those of `clip`."""
-    truth = clip.truth.at(frame.t)
-    now = Objects.from_boxes(0, truth.track_id, truth.boxes, truth.score, kind=truth.type)
-    still = Clip(clip.name, 1, lambda _: frame.points, Objects.empty(), now)
+    alone, truth = range(frame.t, frame.t + 1), clip.truth.at(frame.t)
+    still = Clip(clip.name, alone, lambda _: frame.points, Objects.empty(), truth)
     data = scene_data(
         still,
         {"detections": frame.detections},
         shading=FOREGROUND,
-        first=frame.t,
         points_per_frame=len(frame.points),
     )
     moving = frame.foreground >= MIN_FOREGROUND

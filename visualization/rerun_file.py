@@ -34,7 +34,7 @@ def write_recording(path: str | Path, clip: Clip, trackers: Mapping[str, Objects
         recording = rr.RecordingStream("pointtracknet")
         recording.save(str(temporary))
         recording.log("world", rr.ViewCoordinates.FLU, static=True)
-        for t in range(clip.num_frames):
+        for t in clip.frames:
             recording.set_time("frame", sequence=t)
             recording.set_time("time", duration=t * PERIOD)
             if clip.poses is not None:

@@ -76,21 +76,24 @@ def errors_of(
 
 
 def pack_boxes(
-    name: str, objects: Objects, poses: np.ndarray | None, errors: list[np.ndarray], color=None
+    name: str, objects: Objects, clip: Clip, errors: list[np.ndarray], color=None
 ) -> dict[str, Any]:
-    """Rows of boxes, their speeds and colours; `errors` are (R,) arrays of small integers."""
+    """Rows of boxes, their speeds and colours; frames count from the clip's first.
+
+    errors: (R,) arrays of small integers.
+    """
     types, kind = np.unique(objects.type, return_inverse=True)
     track = tracks_of(objects)
     ids = objects.track_id[np.unique(track, return_index=True)[1]].tolist()
     return {
         "name": name,
-        "frame": pack(objects.frame, "int32"),
+        "frame": pack(objects.frame - clip.frames.start, "int32"),
         "track": pack(track, "int32"),
         "ids": [str(i) for i in ids],
         "types": types.tolist(),
         "type": pack(kind, "uint8"),
         "score": pack(objects.score, "float32"),
-        "speed": pack(speeds(objects, poses), "float32"),
+        "speed": pack(speeds(objects, clip.poses), "float32"),
         "box": pack(objects.boxes, "float32"),
         "errors": [pack(values, "int8") for values in errors],
         "colors": [_rgb(id_color(i, ID_LIGHTNESS)) if color is None else color for i in ids],
@@ -103,7 +106,6 @@ def scene_data(
     *,
     min_iou: float = 0.5,
     shading: str = "intensity",
-    first: int = 0,
     points_per_frame: int = POINTS_PER_FRAME,
     points: ScenePoints | None = None,
 ) -> dict[str, Any]:
@@ -114,16 +116,15 @@ def scene_data(
         trackers: name -> rows of a result file, in the order of the panel.
         min_iou: least 3-D IoU of a match, as in evaluate.py.
         shading: meaning of the points' fourth column, a key of `BRIGHT`.
-        first: number that the page shows for frame 0.
         points_per_frame: at most so many points of a frame are kept; long drives keep fewer.
         points: of all frames, shown in place of the clip's.
     """
     trackers = {name: rows[np.isfinite(rows.boxes).all(axis=1)] for name, rows in trackers.items()}
-    found = [errors_of(clip.truth, rows, clip.num_frames, min_iou) for rows in trackers.values()]
+    found = [errors_of(clip.truth, rows, clip.frames.stop, min_iou) for rows in trackers.values()]
     if points is None:
-        points = ScenePoints(clip.num_frames, shading, points_per_frame)
-        for t in range(clip.num_frames):
-            points.put(t, clip.points(t))
+        points = ScenePoints(len(clip.frames), shading, points_per_frame)
+        for i, t in enumerate(clip.frames):
+            points.put(i, clip.points(t))
     speed = "speed" if clip.poses is not None else "speed relative to the sensor"
     notes = [
         f"{points.note()} Rings: every 20 m.",
@@ -134,18 +135,22 @@ def scene_data(
         "World view and ground speed use the sensor's poses." if clip.poses is not None
         else "The sensor's poses are unknown: no world view, trails in the sensor's frame.",
     ]  # fmt: skip
-    poses = None if clip.poses is None else pack(clip.poses.transpose(0, 2, 1), "float32")
-    labels = pack_boxes("labels", clip.truth, clip.poses, [m for m, _ in found], (70, 214, 110))
+    poses = (
+        None
+        if clip.poses is None
+        else pack(clip.poses[clip.frames.start : clip.frames.stop].transpose(0, 2, 1), "float32")
+    )
+    labels = pack_boxes("labels", clip.truth, clip, [m for m, _ in found], (70, 214, 110))
     return {
-        "frames": clip.num_frames,
-        "first": first,
+        "frames": len(clip.frames),
+        "first": clip.frames.start,
         "period": PERIOD,
         "speed": speed,
         "poses": poses,
         "points": points.data(),
         "labels": labels if len(clip.truth) else None,
         "trackers": [
-            pack_boxes(name, rows, clip.poses, [status])
+            pack_boxes(name, rows, clip, [status])
             for (name, rows), (_, status) in zip(trackers.items(), found, strict=True)
         ],
         "network": None,

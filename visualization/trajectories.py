@@ -25,7 +25,7 @@ def trajectories(clips: Sequence[Clip], titles: Sequence[str]) -> Figure:
     figure = Figure(figsize=(7.6, 5.6 * len(clips)), layout="constrained")
     for row, (clip, title) in enumerate(zip(clips, titles, strict=True)):
         panel = figure.add_subplot(len(clips), 1, row + 1, projection="3d")
-        last = clip.num_frames - 1
+        last = clip.frames[-1]
         frame = clip.results.frame
         shown = (frame > last - SPAN) & (frame <= last) & _inside(clip.results.boxes)
         tracks = clip.results[shown]

@@ -98,7 +98,7 @@ def network_frame(
         t=t,
         points=np.column_stack([current.sampled, current.probability]),
         detections=Objects.from_boxes(
-            0, np.arange(len(found.boxes)), found.boxes, found.scores, kind=classes[found.classes]
+            t, np.arange(len(found.boxes)), found.boxes, found.scores, kind=classes[found.classes]
         ),
         proposals=proposals.boxes.numpy(),
         proposal_scores=proposals.probability.numpy(),

@@ -23,7 +23,7 @@ def frame(kept: int) -> NetworkFrame:
     points, earlier = (rng.uniform(0, 20, (n, 3)).astype(np.float32) for n in (50, kept))
     boxes = np.stack([BOX, BOX])
     boxes[1, 1] = 8.0
-    detections = Objects.from_boxes(0, np.arange(2), boxes, np.array([0.9, 0.5]))
+    detections = Objects.from_boxes(7, np.arange(2), boxes, np.array([0.9, 0.5]))
     few = (points[:4],)
     return NetworkFrame(
         t=7,
@@ -41,7 +41,7 @@ def frame(kept: int) -> NetworkFrame:
 
 def scene(kept: int) -> dict:
     return network_data(
-        Clip("0000", 9, lambda t: None, Objects.empty(), Objects.empty()), frame(kept)
+        Clip("0000", range(9), lambda t: None, Objects.empty(), Objects.empty()), frame(kept)
     )
 
 

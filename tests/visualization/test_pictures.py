@@ -38,7 +38,7 @@ def _points(t: int):
 
 @pytest.fixture
 def clip() -> Clip:
-    return Clip("0016", FRAMES, _points, _objects(3, 0.2), _objects(2))
+    return Clip("0016", range(FRAMES), _points, _objects(3, 0.2), _objects(2))
 
 
 def _collections(panel, kind=LineCollection):
@@ -55,6 +55,13 @@ def _rgba(color):
     from matplotlib.colors import to_rgba
 
     return to_rgba(color)
+
+
+def test_the_busiest_frame_is_in_the_second_half_of_the_shown_ones():
+    cars = _objects(3)
+    rows = (cars.frame != 4) | (cars.track_id == 0)
+    clip = Clip("0016", range(1, FRAMES), _points, cars[rows], Objects.empty())
+    assert clip.busiest_frame() == 3
 
 
 def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
@@ -81,7 +88,7 @@ def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
 def test_trails_leave_out_the_sensors_own_motion():
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     poses[:, 0, 3] = -np.arange(FRAMES)  # the sensor drives backwards as fast as the cars forwards
-    clip = Clip("0016", FRAMES, _points, _objects(1), Objects.empty(), poses)
+    clip = Clip("0016", range(FRAMES), _points, _objects(1), Objects.empty(), poses)
     trail = clip.trails(clip.results, 5, 10)[0]
     # in the level frame of 5: the car at t was at 10 + t - t + 5 in that frame's coordinates
     np.testing.assert_allclose(trail[:, 0], np.full(FRAMES, 15.0))
@@ -176,7 +183,7 @@ def test_animation_has_a_picture_per_frame(clip, tmp_path):
 
 
 def test_pictures_of_nothing_are_drawn():
-    nothing = Clip("0000", 2, lambda t: None, Objects.empty(), Objects.empty())
+    nothing = Clip("0000", range(2), lambda t: None, Objects.empty(), Objects.empty())
     assert len(birds_eye(nothing, 1).axes) == 1
     assert len(trajectories([nothing], ["empty"]).axes) == 1
     assert nothing.busiest_frame() == 1

@@ -21,7 +21,7 @@ def test_without_the_package_the_error_names_it(monkeypatch):
 def test_the_recording_holds_every_frame(tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
-    clip = Clip("0016", FRAMES, points, Objects.empty(), drive([3, 4]), poses)
+    clip = Clip("0016", range(FRAMES), points, Objects.empty(), drive([3, 4]), poses)
     path = write_recording(tmp_path / "a.rrd", clip, {"ours": drive([7]), "none": Objects.empty()})
     data = path.read_bytes()
     assert data[:4] in (b"RRF2", b"RRIO") and len(data) > 10_000

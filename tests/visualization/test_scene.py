@@ -48,7 +48,7 @@ def points(t: int) -> np.ndarray | None:
 
 @pytest.fixture
 def clip() -> Clip:
-    return Clip("0016", FRAMES, points, Objects.empty(), drive([3, 4]))
+    return Clip("0016", range(FRAMES), points, Objects.empty(), drive([3, 4]))
 
 
 def test_boxes_ids_and_scores_are_those_of_the_results(clip):
@@ -61,6 +61,20 @@ def test_boxes_ids_and_scores_are_those_of_the_results(clip):
     assert ids == [str(i) for i in results.track_id.tolist()]
     assert [packed["types"][i] for i in unpack(packed["type"])] == results.type.tolist()
     assert len(packed["colors"]) == len(packed["ids"]) == 2
+
+
+def test_a_half_sequence_counts_from_its_first_frame():
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    poses[:, 0, 3] = np.arange(FRAMES)
+    cars = drive([3])
+    later = cars[cars.frame >= 3]
+    whole = scene_data(Clip("0016", range(FRAMES), points, later, cars, poses), {"ours": cars})
+    half = scene_data(Clip("0016", range(3, FRAMES), points, later, later, poses), {"ours": later})
+    assert (half["first"], half["frames"]) == (3, 2)
+    assert unpack(half["trackers"][0]["frame"]).tolist() == [0, 1]
+    assert unpack(half["trackers"][0]["errors"][0]).tolist() == [0, 0]
+    assert half["points"]["frames"] == whole["points"]["frames"][3:]
+    assert unpack(half["poses"]).tolist() == unpack(whole["poses"])[3 * 16 :].tolist()
 
 
 def test_points_are_rounded_to_a_step(clip):
@@ -167,13 +181,13 @@ def test_the_page_stands_alone(clip, tmp_path):
 
 def test_150_frames_take_at_most_25_megabytes():
     scan = np.random.default_rng(0).uniform(0, 1, (20_000, 4)).astype(np.float32)
-    clip = Clip("0016", 150, lambda t: scan, Objects.empty(), drive(range(20), frames=150))
+    clip = Clip("0016", range(150), lambda t: scan, Objects.empty(), drive(range(20), frames=150))
     trackers = {name: drive(range(20), 0.1, 150) for name in ("A", "B")}
     assert len(scene_page("drive", scene_data(clip, trackers)).encode()) < 25e6
 
 
 def test_a_long_drive_keeps_fewer_points_of_a_frame():
     scan = np.zeros((9000, 4), np.float32)
-    clip = Clip("0016", 1000, lambda t: scan, Objects.empty(), Objects.empty())
+    clip = Clip("0016", range(1000), lambda t: scan, Objects.empty(), Objects.empty())
     frames = scene_data(clip, {})["points"]["frames"]
     assert len(base64.b64decode(frames[999])) == 7 * 1500

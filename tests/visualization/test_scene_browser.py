@@ -61,7 +61,7 @@ def overlapping_words(browser) -> int:
 def clip() -> Clip:
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     poses[:, 0, 3] = np.arange(FRAMES)
-    return Clip("0016", FRAMES, points, Objects.empty(), drive([3, 4]), poses)
+    return Clip("0016", range(FRAMES), points, Objects.empty(), drive([3, 4]), poses)
 
 
 def test_slider_hover_and_views(browser, clip, tmp_path):
@@ -145,7 +145,7 @@ def test_it_plays(browser, clip, tmp_path):
 
 @pytest.mark.parametrize("frames", [1, 1000])
 def test_of_one_and_of_many_frames(browser, tmp_path, frames):
-    clip = Clip("0016", frames, points, Objects.empty(), drive([3], frames=frames))
+    clip = Clip("0016", range(frames), points, Objects.empty(), drive([3], frames=frames))
     show(browser, tmp_path / "a.html", clip, {"ours": drive([5], 0.1, frames)})
     assert bool(browser.evaluate("document.getElementById('slider') === null")) == (frames == 1)
     buttons = "document.querySelectorAll('#timeline button').length"
@@ -157,7 +157,7 @@ def test_of_one_and_of_many_frames(browser, tmp_path, frames):
 
 
 def test_of_an_empty_result_without_labels(browser, tmp_path):
-    clip = Clip("0016", FRAMES, points, Objects.empty(), Objects.empty())
+    clip = Clip("0016", range(FRAMES), points, Objects.empty(), Objects.empty())
     show(browser, tmp_path / "a.html", clip, {"ours": Objects.empty()})
     text = browser.evaluate("document.getElementById('timeline').innerText")
     assert "No labels: misses, false alarms and switches are unknown." in text
