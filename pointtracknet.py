@@ -115,7 +115,9 @@ class Tracker:
                 m) are dropped; `dropped` is their number.
 
         Returns:
-            Tracks: boxes (T, 7) in the level frame, ids, scores, types.
+            Tracks: boxes (T, 7) in the level frame, ids, scores, types. A vehicle is reported from
+            its third detection on (in the first three scans at once); from its first with
+            `Tracker.load(min_hits=1)`.
 
         Raises:
             InputError: another shape or type, or no finite point at all; the scan is then skipped,
