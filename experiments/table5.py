@@ -32,11 +32,11 @@ from experiments.runs import (
     shown,
     write,
 )
+from tracking import PREDICTED_MOTION
 
 BASELINES = ("sort", "sort_image", "deep_sort", "ab3dmot")
 UPPER_BOUND = "gt_displacement"
-OURS = ("pointtracknet", "pointtracknet_no_probation", "pointtracknet_published")
-DISPLACEMENT = {UPPER_BOUND: "of the labels", **dict.fromkeys(OURS, "predicted")}
+DISPLACEMENT = {UPPER_BOUND: "of the labels", **dict.fromkeys(PREDICTED_MOTION, "predicted")}
 DISTANCES = (0.0, 2.0)
 DIGITS = {"IDS": 0, "FRAG": 0}
 MIN_SCORE = 2.0  # of a PointRCNN box; as where tau was chosen (tracking/)
@@ -77,7 +77,7 @@ def parts_of(args) -> list[Part]:
     classes = " and ".join(args.classes)
     networks, trackers = {}, (*BASELINES, UPPER_BOUND)
     if args.weights is not None:
-        networks, trackers = network_fields(args), (*OURS, *BASELINES, UPPER_BOUND)
+        networks, trackers = network_fields(args), (*PREDICTED_MOTION, *BASELINES, UPPER_BOUND)
     parts = [Part(f"Ground-truth boxes of {classes}", "gt", trackers, networks)]
     if networks:
         boxes = {**networks, "detections": NETWORK}

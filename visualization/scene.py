@@ -135,11 +135,10 @@ def scene_data(
         "World view and ground speed use the sensor's poses." if clip.poses is not None
         else "The sensor's poses are unknown: no world view, trails in the sensor's frame.",
     ]  # fmt: skip
-    poses = (
-        None
-        if clip.poses is None
-        else pack(clip.poses[clip.frames.start : clip.frames.stop].transpose(0, 2, 1), "float32")
-    )
+    poses = None
+    if clip.poses is not None:
+        shown = clip.poses[clip.frames.start : clip.frames.stop]
+        poses = pack(shown.transpose(0, 2, 1), "float32")
     labels = pack_boxes("labels", clip.truth, clip, [m for m, _ in found], (70, 214, 110))
     return {
         "frames": len(clip.frames),
