@@ -113,7 +113,7 @@ def _behind(evaluations: Sequence[dict[str, list[dict[str, float]]]], heads: Seq
         if ahead := [name for name, value in names if value > ours]:
             parts.append(f"{', '.join(ahead)} ({head})")
     if not parts:
-        return "PointTrackNet is ahead of all baselines in these columns.\n"
+        return "No baseline is ahead of PointTrackNet in these columns.\n"
     return f"**PointTrackNet loses to** {'; '.join(parts)}.\n"
 
 
