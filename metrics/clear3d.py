@@ -62,11 +62,13 @@ class RowErrors:
         missed: (R,) bool, truth without a match.
         false_alarm: (S,) bool, results without a match; False where not evaluated.
         switched: (S,) bool, matches whose truth was matched to another id before.
+        matched_id: (S,) int64, track id of the truth that a result is matched to, -1 without.
     """
 
     missed: np.ndarray
     false_alarm: np.ndarray
     switched: np.ndarray
+    matched_id: np.ndarray
 
 
 def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -> RowErrors:
@@ -80,7 +82,18 @@ def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -
         missed=_rows_of(events, "MISS", "OId", truth.frame, truth.track_id),
         false_alarm=keep & _false_alarms(comparison, events),
         switched=keep & _rows_of(events, "SWITCH", "HId", results.frame, results.track_id),
+        matched_id=_matched_ids(events, results.frame, results.track_id),
     )
+
+
+def _matched_ids(events, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """(rows,) int64: the id in OId of the match of a row's frame and id, -1 without one."""
+    matches = events[events.Type.isin(["MATCH", "SWITCH"])]
+    frames = matches.index.get_level_values("FrameId")
+    keys = zip(frames.tolist(), matches["HId"].astype(int).tolist(), strict=True)
+    found = dict(zip(keys, matches["OId"].astype(int).tolist(), strict=True))
+    rows = zip(frame.tolist(), ids.tolist(), strict=True)
+    return np.fromiter((found.get(row, -1) for row in rows), np.int64, len(frame))
 
 
 def _false_alarms(comparison: Comparison, events) -> np.ndarray:

@@ -77,6 +77,7 @@ def test_the_summary_names_the_trackers_that_are_ahead():
         "**PointTrackNet loses to** SORT, DEEP_SORT (real, D = 0 m); SORT, DEEP_SORT (real, "
         "D = 2 m).\n"
     )
+    assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.3))
     assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.5))
 
 

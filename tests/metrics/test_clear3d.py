@@ -135,6 +135,7 @@ def test_errors_by_row_add_up_to_the_counts(seed, kept_share):
     sums = (errors.missed.sum(), errors.false_alarm.sum(), errors.switched.sum())
     assert sums == (counts.fn, counts.fp, counts.ids)
     assert min(sums) > 0
+    assert (errors.matched_id >= 0).sum() == counts.tp
     assert not (errors.false_alarm & errors.switched).any()
     assert keep[errors.false_alarm | errors.switched].all()
 
@@ -150,3 +151,4 @@ def test_errors_name_the_rows():
     assert errors.missed.tolist() == [False, False, True]
     assert errors.false_alarm.tolist() == [False, False, True]
     assert errors.switched.tolist() == [False, True, False]
+    assert errors.matched_id.tolist() == [7, 7, -1]
