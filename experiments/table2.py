@@ -5,11 +5,14 @@
 All times are measured in one process, ours and the plain version alternating; medians of --repeats.
 Scans are simulated; the stream runs the networks of --weights, to decode as many boxes as in use.
 A step of training is timed with the input pipeline and with one batch repeated: the difference is
-the cost of the pipeline. Prints a table; writes table2.json and table2.md.
+the cost of the pipeline. Its rate alone is that of batches which nobody trains on. Prints a table;
+writes table2.json and table2.md.
 """
 
 import dataclasses
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -19,8 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from common.flags import ArgumentParser, positive_int, run
-from common.markdown import markdown
+from common.markdown import cell, markdown
 from common.progress import Progress
+from common.provenance import ROOT
 from experiments.runs import write
 from kitti.scans.point_arrays import sample_points
 from kitti.sequence import KittiSequence
@@ -36,6 +40,7 @@ PAPER = {  # (N, N'): seconds; Table II, GTX 1080 Ti
     (5000, 1000): 0.037,
     (5000, 500): 0.036,
 }
+WORKERS = (0, 1, 2)  # processes of the input pipeline; 0: threads of the training's own
 ALL_POINTS = (20000, 5000)  # what inference takes of a scan of KITTI, beside the paper's settings
 
 
@@ -143,6 +148,64 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
     }
 
 
+def pipeline_rates(networks, sequence: KittiSequence, repeats: int) -> list[dict[str, float]]:
+    """Samples a second out of the input pipeline alone, by the number of its worker processes."""
+    from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
+    from training.detector_task import DetectorTask
+    from training.tracker_task import TrackerTask
+
+    detector, tracker, _ = networks
+    schedule, data = ScheduleConfig(batch_size=4), ([sequence], [])
+    detection = DetectorTrainingConfig(detector=detector.config, schedule=schedule)
+    tracking = TrackerTrainingConfig(tracker=tracker.config, schedule=schedule)
+    tasks = {
+        "detector samples": lambda: DetectorTask(detection, *data),
+        "tracker pairs": lambda: TrackerTask(tracking, detector, *data),
+    }
+    return [
+        {"workers": workers}
+        | {name: _samples_a_second(task, workers, repeats) for name, task in tasks.items()}
+        for workers in WORKERS
+    ]
+
+
+def _samples_a_second(make_task, workers: int, repeats: int) -> float:
+    from training.loop import training_data
+    from training.strategies import make_strategy
+    from training.training_run import start
+
+    filled, counted = 6, 4 * repeats  # batches until the buffers are full, and timed ones
+    with tempfile.TemporaryDirectory() as folder:
+        run = start(make_task, make_strategy("one"), folder, {}, workers=workers)
+        try:
+            batches = iter(training_data(run, 0, 2 * filled + counted))
+            for _ in range(filled):
+                next(batches)
+            begin = time.perf_counter()
+            for _ in range(counted):
+                next(batches)
+            seconds = time.perf_counter() - begin
+        finally:
+            run.close()
+    return counted * run.order.batch_size / seconds
+
+
+def seconds_to_first_boxes(scan: Path, weights: Path, repeats: int) -> float:
+    """Median seconds of a new process from its start to the tracks of its first scan."""
+    code = (
+        "import sys\n"
+        "from kitti.scans.scan_files import read_scan\n"
+        "from pointtracknet import Tracker\n"
+        "Tracker.load(sys.argv[1]).update(read_scan(sys.argv[2]))"
+    )
+    command = [sys.executable, "-c", code, str(weights.resolve()), str(scan)]
+
+    def process():
+        subprocess.run(command, cwd=ROOT, stderr=subprocess.DEVNULL, check=True)
+
+    return median_seconds(process, repeats)
+
+
 def resized(networks, num_points: int, num_kept_points: int):
     """The networks with other N and N', on which no weight depends."""
     from models.detector import Detector
@@ -179,14 +242,22 @@ def stream_times(networks, scans, settings, repeats: int) -> dict[tuple[int, int
     return times
 
 
-def table(detector: dict[str, float], stream: dict[tuple[int, int], float], device: str) -> str:
-    """Both tables as Markdown."""
+def table(
+    detector: dict[str, float],
+    rates: list[dict[str, float]],
+    stream: dict[tuple[int, int], float],
+    device: str,
+) -> str:
+    """The tables as Markdown."""
     measured = [(name, f"{value:.3f}") for name, value in detector.items()]
     paper = {key: f"{seconds:.3f}" for key, seconds in PAPER.items()}
     rows = [(n, k, f"{s:.3f}", paper.get((n, k), "-")) for (n, k), s in stream.items()]
+    lines = [[cell(value, 1) for value in row.values()] for row in rates]
     return (
         f"{device}\n\n"
         + markdown(["measured", "seconds a frame"], measured)
+        + "\n"
+        + markdown(["workers", "detector samples a second", "tracker pairs a second"], lines)
         + "\n"
         + markdown(["N", "N'", "ours (s)", "paper, GTX 1080 Ti (s)"], rows)
     )
@@ -210,14 +281,20 @@ def main(argv: Sequence[str] | None = None) -> None:
         scans = [sequence.read_points_level(t)[:, :3] for t in (0, 1)]
         detector = detector_times(config, scans, flags.repeats)
         detector |= training_times(config, sequence, flags.repeats)
+        name = "import to first boxes of pointtracknet.Tracker (s)"
+        detector[name] = seconds_to_first_boxes(sequence.scan_path(0), flags.weights, flags.repeats)
+        rates = pipeline_rates(networks, sequence, flags.repeats)
     stream = stream_times(networks, scans, (ALL_POINTS, *PAPER), flags.repeats)
     metrics = {
         "device": device,
         "detector": detector,
+        "samples a second out of the input pipeline": rates,
         "stream": [{"N": n, "N'": k, "seconds": s} for (n, k), s in stream.items()],
     }
     details = {"config": {"repeats": flags.repeats}}
-    write(flags.out, "table2", "Table II", table(detector, stream, device), metrics, **details)
+    write(
+        flags.out, "table2", "Table II", table(detector, rates, stream, device), metrics, **details
+    )
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ def test_table_2_of_small_networks(tmp_path, monkeypatch, capsys):
     weights = write_weights(tmp_path / "weights")
     monkeypatch.setattr(table2, "ALL_POINTS", (128, 48))
     monkeypatch.setattr(table2, "PAPER", {(64, 32): 0.25})
+    monkeypatch.setattr(table2, "WORKERS", (0, 1))
     assert (
         flags.run(
             table2.main, ["--repeats", "1", "--weights", str(weights), "--out", str(tmp_path)]
@@ -25,7 +26,12 @@ def test_table_2_of_small_networks(tmp_path, monkeypatch, capsys):
     assert all(row["seconds"] > 0 for row in record["stream"])
     wanted = {"ours forward", "plain forward and backward"}
     wanted |= {"step of training, input pipeline included"}
+    wanted |= {"import to first boxes of pointtracknet.Tracker (s)"}
     assert wanted <= record["detector"].keys()
+    rates = record["samples a second out of the input pipeline"]
+    assert [row["workers"] for row in rates] == [0, 1]
+    assert min(row["detector samples"] for row in rates) > 0
+    assert min(row["tracker pairs"] for row in rates) > 0
     text = (tmp_path / "table2.md").read_text()
     tables = text.split("\n\n", 2)[2]
     assert tables in capsys.readouterr().out
