@@ -42,12 +42,12 @@ def association_displacement(
         boxes_t, ids_t: (K, 7) and (K,) of frame t; no id occurs twice.
 
     Returns:
-        disp (M, 3) float32 metres, 0 where the object is not in frame t; valid (M,) bool.
+        disp (M, 3) float64 metres, 0 where the object is not in frame t; valid (M,) bool.
     """
     boxes_t1, boxes_t = (np.asarray(b, np.float64).reshape(-1, 7) for b in (boxes_t1, boxes_t))
     same = np.asarray(ids_t1)[:, None] == np.asarray(ids_t)[None]  # (M, K)
     valid = same.any(axis=1)
-    disp = np.zeros((len(boxes_t1), 3), np.float32)
+    disp = np.zeros((len(boxes_t1), 3))
     if valid.any():
         partner = same.argmax(axis=1)[valid]
         disp[valid] = boxes_t[partner, :3] - boxes_t1[valid, :3]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kitti.iou import iou_3d
+from kitti.targets import association_displacement
 from tracking.assignment import greedy
 
 MIN_IOU = 0.25  # 3-D, of a detection with its label; the loosest of AB3DMOT's evaluation
@@ -26,20 +27,16 @@ class LabelMotion:
 
     def displacement(self, ids: np.ndarray) -> np.ndarray:
         """(T, 3) metres for the objects with label `ids` (T,); NaN if not in both frames."""
-        before = _centres(self.boxes_previous, self.ids_previous)
-        after = _centres(self.boxes, self.ids)
+        motion, known = association_displacement(
+            self.boxes_previous, self.ids_previous, self.boxes, self.ids
+        )
+        moved = dict(zip(np.asarray(self.ids_previous)[known].tolist(), motion[known], strict=True))
         unknown = np.full(3, np.nan)
-        return np.array(
-            [after[i] - before[i] if i in before and i in after else unknown for i in map(int, ids)]
-        ).reshape(-1, 3)
+        return np.array([moved.get(int(i), unknown) for i in ids]).reshape(-1, 3)
 
     def ids_of(self, boxes: np.ndarray) -> np.ndarray:
         """Label ids of detected boxes (M, 7) of frame t, see `assign_label_ids`."""
         return assign_label_ids(boxes, self.boxes, self.ids)
-
-
-def _centres(boxes: np.ndarray, ids: np.ndarray) -> dict[int, np.ndarray]:
-    return {int(i): box[:3] for i, box in zip(ids, boxes, strict=True)}
 
 
 def assign_label_ids(

@@ -32,7 +32,7 @@ def test_displacement_follows_the_id():
     disp, valid = association_displacement(before, [7, 8, 9], after, [9, 7])
     np.testing.assert_allclose(disp, [[0.5, 0, 0], [0, 0, 0], [1, 2, 3]], atol=1e-6)
     assert valid.tolist() == [True, False, True]
-    assert (disp.dtype, valid.dtype) == (np.float32, bool)
+    assert (disp.dtype, valid.dtype) == (np.float64, bool)
 
 
 @pytest.mark.parametrize(("m", "k"), [(0, 0), (0, 2), (2, 0)])
