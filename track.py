@@ -35,6 +35,7 @@ from kitti.scans.scan_files import SUFFIXES, read_points
 from kitti.scans.scan_folder import find_scans
 from kitti.scans.scan_layout import KITTI_COLUMNS, KITTI_LAYOUT, ScanLayout, parse_columns
 from kitti.track_files import WRITERS, parse_formats, write_tracks
+from models.weight_files import network_files
 
 PROBED_SCANS, PROBED_PAIRS = 3, 5
 DEFAULT_NAME = "tracks"
@@ -226,6 +227,7 @@ def open_scans(args: TrackConfig) -> Scans:
 
 def load_tracker(args: TrackConfig, calib: Calibration, size: tuple[int, int]):
     """The `pointtracknet.Tracker` of the flags; prints the device and the score threshold."""
+    network_files(args.weights)  # before the import of TensorFlow
     from pointtracknet import Tracker
     from tf_ops.devices import describe_device
 

@@ -9,6 +9,7 @@ from common.config_flags import option
 from common.errors import InputError
 from common.flags import finite_float, non_negative_float, non_negative_int
 from evaluation.scene import Scene, open_scenes
+from kitti.camera_view import parse_image_size
 from kitti.object_shift import MAX_DISTANCE, ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
 from kitti.seqmap import TEST, VAL, parse_sequences
@@ -66,6 +67,9 @@ class EvaluateConfig:
     detections: str = option(GROUND_TRUTH, f"{GROUND_TRUTH}, {NETWORK} or a folder of files")
     tracker: str = option("gt_displacement", f"one of {', '.join(TRACKERS)}")
     weights: Path = option(Path("weights"), "folder of the networks' weights")
+    image_size: str | None = option(
+        None, "of the camera, such as 1242x375 (default: from the calibration)"
+    )
     results: Path | None = option(None, "evaluate the result files of this folder, run no tracker")
     object_shift: float = option(
         0.0,
@@ -110,6 +114,8 @@ class EvaluateConfig:
                 rules_for(name, self.classes)
         if self.score_threshold == BEST and not self.protocols:
             raise InputError("--score_threshold best is that of a --protocol, found none")
+        if self.image_size is not None:
+            parse_image_size(self.image_size)
         if not 0 < self.iou <= 1:
             raise InputError(f"--iou: expected above 0 and at most 1, found {self.iou}")
         ObjectShift(self.object_shift, self.seed)  # raises where one is out of range
@@ -127,7 +133,8 @@ class EvaluateConfig:
 
     def open_scenes(self, shift: ObjectShift | None = None) -> list[Scene]:
         """The sequences as scenes, under the given shift or that of the settings."""
-        return open_scenes(self.data_root, self.seqs, self.subset, shift or self.shift)
+        size = None if self.image_size is None else parse_image_size(self.image_size)
+        return open_scenes(self.data_root, self.seqs, self.subset, shift or self.shift, size)
 
     def _check_testing(self):
         if self.protocols:

@@ -14,6 +14,7 @@ from common.errors import InputError
 from common.notes import note
 from evaluation.scene import Scene
 from kitti.objects import VEHICLES, Objects
+from models.weight_files import network_files
 from tracking.frame_detections import FOREGROUND, FrameDetections
 
 if TYPE_CHECKING:
@@ -129,6 +130,7 @@ class NetworkDetections:
         Raises:
             InputError: weights are missing, broken or do not belong together.
         """
+        network_files(weights)  # before the import of TensorFlow
         from models.inference import StreamingNetwork
         from models.weights import load_networks
 

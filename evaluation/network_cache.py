@@ -18,7 +18,6 @@ from time import perf_counter
 
 import numpy as np
 
-from common.errors import InputError
 from common.files import write_arrays
 from common.imports import imported_files
 from common.progress import Progress
@@ -26,10 +25,11 @@ from common.provenance import ROOT
 from evaluation.detections import NetworkDetections
 from evaluation.scene import Scene
 from models.boxes.box_score import FILE_NAME as SCORER
+from models.weight_files import network_files
 from tracking.frame_detections import FrameDetections
 
 FORMAT = 5
-PACKAGES = ("numpy", "tensorflow", "keras")
+PACKAGES = ("numpy", "shapely", "tensorflow", "keras")
 BOXES = ("boxes", "scores", "types", "appearance")
 MOTION = ("points", "displacement", "foreground")
 
@@ -66,11 +66,7 @@ class CachedPredictions:
 
     def check_weights(self) -> list[Path]:
         """The files of the networks; raises InputError where one is missing."""
-        paths = [self.weights / "detector.npz", self.weights / "tracker.npz"]
-        for path in paths:
-            if not path.is_file():
-                raise InputError("expected a checkpoint file", path)
-        return paths
+        return network_files(self.weights)
 
     @cached_property
     def _code_and_weights(self) -> bytes:

@@ -142,16 +142,21 @@ def _results(
     """
     if config.results is not None:
         check_folder(config.results)
-        read = _read(config.results, scenes)
-        _note_unusable(config, read.values())
-        return _above_threshold(config, scenes, read)
-    with tempfile.TemporaryDirectory() as folder:
-        tracked = _write(Path(folder), scenes, run_tracker(config, scenes, provider))
+        tracked = _read(config.results, scenes)
+        _note_unusable(config, tracked.values())
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            tracked = _write(Path(folder), scenes, run_tracker(config, scenes, provider))
     kept, threshold = _above_threshold(config, scenes, tracked)
-    if config.out is not None:
+    if config.out is not None and _writes_tracks(config):
         kept = _write(config.out / TRACKS, scenes, kept)
         _remove_others(config.out, kept)
     return kept, threshold
+
+
+def _writes_tracks(config: EvaluateConfig) -> bool:
+    """False for result files that are evaluated as they are."""
+    return config.results is None or config.min_track_score is not None
 
 
 def _note_unusable(config: EvaluateConfig, results: Iterable[Objects]) -> None:
@@ -175,7 +180,7 @@ def _above_threshold(
     if threshold is None:
         return results, None
     unscored = [name for name, rows in results.items() if np.isnan(rows.score).any()]
-    if unscored and config.score_threshold != BEST:
+    if unscored:
         found = f"sequence {unscored[0]} has none"
         raise InputError(f"--score_threshold: expected scores in the results, {found}")
     scores = {name: track_scores(rows) for name, rows in results.items()}
@@ -211,10 +216,12 @@ def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
 def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:
     """Refuses an output folder whose result files would replace files that are read or others'."""
     tracks = config.out / TRACKS
-    if config.results is not None or not tracks.is_dir():
+    if not _writes_tracks(config) or not tracks.is_dir():
         return
     read = {scene.sequence.label_path.parent for scene in scenes}
-    if config.detections not in (GROUND_TRUTH, NETWORK):
+    if config.results is not None:
+        read |= {sequence_file(config.results, scene.name).parent for scene in scenes}
+    elif config.detections not in (GROUND_TRUTH, NETWORK):
         read.add(Path(config.detections))
     if any(folder.exists() and folder.samefile(tracks) for folder in read):
         raise InputError("--out: its result files would replace those that are read", tracks)
@@ -242,9 +249,11 @@ def _nearest(folder: Path) -> Path:
 def _data(config: EvaluateConfig, scenes: list[Scene]) -> dict[str, Any]:
     """Sequences, frames and labelled boxes of the evaluation, for the record."""
     labels = [scene.objects.of_classes(config.classes) for scene in scenes]
+    sequences = [scene.sequence for scene in scenes]
     return {
         "sequences": [scene.name for scene in scenes],
         "frames": sum(len(scene.frames) for scene in scenes),
         "labelled_boxes": sum(map(len, labels)),
-        "poses": all(scene.sequence.has_poses for scene in scenes),
+        "poses": all(sequence.has_poses for sequence in sequences),
+        "image_size": {s.name: s.image_size for s in sequences if s.calib_path.is_file()},
     }

@@ -32,7 +32,7 @@ class Scene:
 
     def check(self, poses: bool, scans: bool) -> None:
         """Reads labels, calibration and poses, and looks at a few scans, before any other work."""
-        _ = self.objects, self.sequence.calib, self.ego_motions if poses else None
+        _ = self.objects, self.sequence.image_size, self.ego_motions if poses else None
         if scans:
             self.sequence.check_scans()
             check_points(self.sequence)
@@ -77,7 +77,12 @@ class Scene:
 
 
 def open_scenes(
-    data_root: Path, seqs: Iterable[int], subset: str = "training", shift: ObjectShift | None = None
+    data_root: Path,
+    seqs: Iterable[int],
+    subset: str = "training",
+    shift: ObjectShift | None = None,
+    image_size: tuple[int, int] | None = None,
 ) -> list[Scene]:
     """The sequences as scenes; raises InputError for a missing one."""
-    return [Scene(sequence, shift) for sequence in open_sequences(data_root, seqs, subset)]
+    sequences = open_sequences(data_root, seqs, subset, image_size)
+    return [Scene(sequence, shift) for sequence in sequences]

@@ -27,6 +27,7 @@ from kitti.labels import read_results
 from kitti.objects import Objects
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
+from visualization.animation import MAX_FRAMES
 from visualization.clip import Clip
 from visualization.gallery import draw_network, draw_scene, draw_tracks, pictures
 from visualization.page import page
@@ -66,6 +67,9 @@ class DemoConfig:
     iou: float = option(EvaluateConfig.iou, "least 3-D IoU of a match", flags.finite_float)
     score_threshold: float | None = option(
         None, "least score of a box (default: that of the weights)", flags.finite_float
+    )
+    animation_frames: int = option(
+        MAX_FRAMES, "at most, of the animation; 0: all", flags.non_negative_int, least=0
     )
 
     def __post_init__(self):
@@ -196,7 +200,9 @@ class Demo:
             f"{source} sequence {clips[0].name}, objects shifted by up to {d:g} m"
             for d in self.config.object_shifts
         ]
-        self.steps.run("tracks", key, files, lambda: draw_tracks(clips, titles, folder))
+        most = self.config.animation_frames
+        drawn = key_of([key, most])
+        self.steps.run("tracks", drawn, files, lambda: draw_tracks(clips, titles, folder, most))
         shares = folder / "sampling.json"
         self.steps.run(
             "network",

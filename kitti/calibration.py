@@ -29,6 +29,8 @@ _SHAPES = dict.fromkeys((*_WRITTEN, "Tr", _WAYMO), (3, 4)) | {
     **{"R": (3, 3), "T": (3, 1)},
 }
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
+MAX_PIXELS = 20_000
+"""Of a side of an image: more than any camera has."""
 _MAX_NUMBER = 1e6  # metres, pixels
 _FOCAL_LENGTHS = (10.0, 20_000.0)  # pixels
 _BY_LOWER_CASE = {name.lower(): name for name in (*_SHAPES, *_ALIASES)}
@@ -164,8 +166,9 @@ def _matrix(name: str, words: list[str], path: str | Path, line: int) -> np.ndar
             f"{name}: expected numbers of magnitude {_MAX_NUMBER:.0e} at most", path, line
         )
     if name == "S_rect_02":
-        if matrix.min() < 1:
-            raise InputError(f"{name}: expected width and height of 1 pixel at least", path, line)
+        if not 1 <= matrix.min() <= matrix.max() <= MAX_PIXELS:
+            expected = f"expected width and height of 1 to {MAX_PIXELS} pixels"
+            raise InputError(f"{name}: {expected}", path, line)
         return matrix
     if name.startswith("P"):  # other projections are not used; converters write zeros
         if name == "P2":

@@ -10,7 +10,7 @@ import numpy as np
 from common.errors import InputError
 from common.notes import note
 from kitti.boxes import IMAGE_SIZE
-from kitti.calibration import Calibration
+from kitti.calibration import MAX_PIXELS, Calibration
 
 # KITTI was recorded on five days; rectification gave the images of each day one size, one focal
 # length and one principal point (Geiger et al., IJRR 2013, raw data): f, cx, cy, width, height.
@@ -41,8 +41,8 @@ _DEEP = 20.0  # metres between the nearest and the farthest point, more than a p
 _ASIDE = 3.0  # half a turn has a fifth of its points farther to the side than 3 times ahead
 _SIDEWAYS = 1.8  # a road reaches farther ahead and behind than to its sides
 _CENTRAL = 0.2  # of the width and height
-MAX_PIXELS = 20_000
-"""Of a side of an image: more than any camera has."""
+GUESSED = "twice the principal point of P2"
+"""Source of a size that no file, flag or camera of KITTI's kind determines."""
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})", re.ASCII)
 
 
@@ -88,10 +88,10 @@ def describe_image_size(
     size = round(2 * cx), round(2 * cy)
     if min(size) < 1:
         raise InputError(
-            f"the principal point ({cx:g}, {cy:g}) of P2 is in no image: give --image_size "
-            "WIDTHxHEIGHT or S_rect_02 in the calibration"
+            f"the principal point ({cx:g}, {cy:g}) of P2 is in no image: expected S_rect_02 in the "
+            "calibration, or --image_size WIDTHxHEIGHT of track.py or evaluate.py"
         )
-    return size, "twice the principal point of P2"
+    return size, GUESSED
 
 
 def _check_centre(calib: Calibration, size: tuple[int, int], source: str) -> None:
@@ -166,8 +166,9 @@ def check_view(
         inside = in_camera_view(level, calib, image_size)
         _check_axes(level, level[inside])
         seen, total, read = seen + int(inside.sum()), total + len(level), read + len(points)
-    if total == 0 and read > 0:
-        raise InputError(f"all of {read} points lie at the origin, so there is no return")
+    if total == 0:
+        found = f"all of {read} points lie at the origin" if read else "the scans have no points"
+        raise InputError(f"{found}, so there is no return")
     if seen < LEAST_SHARE * total:
         raise InputError(
             f"{seen} of {total} points lie in the camera's view ({image_size[0]} x "

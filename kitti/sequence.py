@@ -12,7 +12,7 @@ import numpy as np
 from common.errors import InputError
 from common.notes import note
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration, is_rotation, read_calibration
-from kitti.camera_view import image_size_of, in_camera_view
+from kitti.camera_view import GUESSED, describe_image_size, in_camera_view
 from kitti.check_rows import note_numbering, note_projection
 from kitti.detections import read_detection_folder
 from kitti.labels import MAX_FRAMES, MAX_NUMBER, Limit, read_labels, read_results
@@ -37,13 +37,21 @@ class KittiSequence:
         data_root: folder that holds `training/` or `testing/`.
         seq: sequence number.
         subset: "training" or "testing".
+        image_size: pixels of its images, where the calibration does not define them.
 
     Raises:
         InputError: the folder, or labels, seqmap and scans of the sequence are missing.
     """
 
-    def __init__(self, data_root: str | Path, seq: int, subset: str = "training"):
+    def __init__(
+        self,
+        data_root: str | Path,
+        seq: int,
+        subset: str = "training",
+        image_size: tuple[int, int] | None = None,
+    ):
         self.data_root, self.seq, self.subset = Path(data_root), seq, check_subset(subset)
+        self._given_size = image_size
         self.name = sequence_name(seq)
         self.folder = self.data_root / subset
         if not self.folder.is_dir():
@@ -124,8 +132,18 @@ class KittiSequence:
 
     @cached_property
     def image_size(self) -> tuple[int, int]:
-        """Width and height of the left colour image in pixels; see `image_size_of`."""
-        return image_size_of(self.calib)
+        """Width and height of the left colour image in pixels; see `describe_image_size`.
+
+        Notes a guessed size. Raises InputError where there is none.
+        """
+        try:
+            size, source = describe_image_size(self.calib, self._given_size)
+        except InputError as error:
+            raise InputError(str(error), self.calib_path) from error
+        if source == GUESSED:
+            text = f"images of {size[0]}x{size[1]} pixels, {source}; S_rect_02 in it sets another"
+            note(f"{self.calib_path}: {text}")
+        return size
 
     @cached_property
     def objects(self) -> Objects:
@@ -261,10 +279,13 @@ def _instead(data_root: Path, subset: str) -> str:
 
 
 def open_sequences(
-    data_root: str | Path, seqs: Sequence[int], subset: str = "training"
+    data_root: str | Path,
+    seqs: Sequence[int],
+    subset: str = "training",
+    image_size: tuple[int, int] | None = None,
 ) -> list[KittiSequence]:
     """Opens several sequences; raises InputError if one is missing."""
-    return [KittiSequence(data_root, seq, subset) for seq in seqs]
+    return [KittiSequence(data_root, seq, subset, image_size) for seq in seqs]
 
 
 def labelled_sequences(data_root: str | Path) -> list[int]:

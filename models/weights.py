@@ -12,6 +12,7 @@ from models.boxes.box_score import BoxScorer, load_scorer
 from models.config import DetectorConfig, TrackerConfig
 from models.detector import Detector
 from models.tracker import TrackingNetwork
+from models.weight_files import network_files
 
 CONFIGS = {"detector": DetectorConfig, "tracker": TrackerConfig}
 
@@ -60,6 +61,7 @@ def load_tracker(path: str | Path, detector: Detector) -> TrackingNetwork:
 
 def load_networks(folder: str | Path) -> tuple[Detector, TrackingNetwork, BoxScorer | None]:
     """detector.npz, tracker.npz and, where it is there, scorer.json of a folder like weights/."""
-    detector = load_detector(Path(folder) / "detector.npz")
-    tracker = load_tracker(Path(folder) / "tracker.npz", detector)
+    paths = network_files(folder)
+    detector = load_detector(paths[0])
+    tracker = load_tracker(paths[1], detector)
     return detector, tracker, load_scorer(folder, network_hash(detector))

@@ -5,6 +5,7 @@ import re
 
 import pytest
 from helpers.small_weights import write_weights
+from PIL import Image
 
 import demo
 from common import flags
@@ -12,7 +13,7 @@ from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments import demo as experiment
 from visualization.gallery import pictures
 
-TINY = ("--sequences", "1", "--frames", "5")
+TINY = ("--sequences", "1", "--frames", "5", "--animation_frames", "3")
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,8 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     assert (out / "scene.html").stat().st_size > 4e6
     made = {picture.path: picture.path.stat().st_mtime_ns for picture in pictures(out)}
     assert all(str(path) in printed and path.stat().st_size > 1000 for path in made)
+    with Image.open(out / "animation.gif") as animation:
+        assert animation.n_frames == 3
 
     with monkeypatch.context() as patch:  # nothing is left to do for the networks
         patch.setattr("evaluation.detections.NetworkDetections.load", interrupt)

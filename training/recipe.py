@@ -22,6 +22,9 @@ from common.files import copy_folder, read_bytes, write_json
 from common.flags import ArgumentParser, run
 from common.provenance import ROOT, git_commit
 from common.steps import Steps
+from kitti.seqmap import parse_sequences
+from kitti.sequence import labelled_sequences, open_sequences
+from training.sampling.data import ALL
 
 RECIPE = Path(__file__).with_suffix(".json")
 RECORD = "recipe.json"  # of the workdir: command and commit of every stage begun
@@ -143,6 +146,19 @@ def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool
     print(f"written to {out}")
 
 
+def _check_data(values: dict[str, str]) -> None:
+    """Raises InputError where a sequence of --labels or --scans is missing."""
+    for seqs, root in (
+        ("label_seqs", "labels"),
+        ("scan_seqs", "scans"),
+        ("scan_val_seqs", "scans"),
+    ):
+        if values.get(seqs) == ALL:
+            labelled_sequences(values[root])
+        elif seqs in values:
+            open_sequences(values[root], parse_sequences(values[seqs]))
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Parses the flags and makes the weights."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
@@ -172,6 +188,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if flags.list:
         print("\n".join("python " + shlex.join(stage.command) for stage in stages))
         return
+    _check_data(values)
     make_weights(stages, flags.workdir, flags.out, flags.allow_changes)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from common.errors import InputError
 from common.progress import Progress
 from kitti.objects import Objects
-from visualization.animation import animate, animated_frames
+from visualization.animation import MAX_FRAMES, animate, animated_frames
 from visualization.association import association
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
@@ -48,20 +48,23 @@ def pictures(folder: str | Path) -> list[Picture]:
     return [Picture(Path(folder) / name, caption) for name, caption in PICTURES.items()]
 
 
-def draw_tracks(clips: Sequence[Clip], titles: Sequence[str], folder: Path) -> None:
+def draw_tracks(
+    clips: Sequence[Clip], titles: Sequence[str], folder: Path, max_frames: int = MAX_FRAMES
+) -> None:
     """Draws Fig. 1, Fig. 6 and the animation.
 
-    clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips.
+    clips: of one sequence, one per displacement, the first one undisplaced; titles: of the clips;
+    max_frames: as in `animate`.
     """
     first = clips[0]
-    frames = animated_frames(len(first.frames), 100)
+    frames = animated_frames(len(first.frames), max_frames)
     with Progress(frames + 1 + len(clips), "pictures of tracks", "pictures") as bar:
         t = first.busiest_frame()
         save(birds_eye(first, t, f"{titles[0]}, frame {t}"), folder / "birds_eye.png")
         bar.update()
         save(trajectories(clips, titles), folder / "trajectories.png", dpi=110)
         bar.update(len(clips))
-        animate(first, folder / "animation.gif", titles[0], each_frame=bar.update)
+        animate(first, folder / "animation.gif", titles[0], max_frames, bar.update)
 
 
 def draw_unlabelled(
@@ -70,7 +73,7 @@ def draw_unlabelled(
     points: Callable[[int], np.ndarray | None],
     frames: range,
     folder: Path,
-    max_frames: int = 100,
+    max_frames: int = MAX_FRAMES,
     seen: ScenePoints | None = None,
 ) -> list[Path]:
     """Draws Fig. 1 and Fig. 6 at the last frame, animation and scene of all `frames`.

@@ -30,8 +30,16 @@ def parse_cloud(data: bytes, suffix: str, path: str | Path) -> np.ndarray:
         needed = f"reading {suffix} needs the package {error.name}: pip install {error.name}"
         raise InputError(needed, path) from error
     except Exception as error:  # the libraries raise many types on damaged files
-        reason = str(error) or type(error).__name__
+        reason = _reason(error)
         raise InputError(f"not a whole {suffix} file: {reason[:200]}", path) from error
+
+
+def _reason(error: Exception) -> str:
+    """One sentence; of the header's first fault where pydantic has found several."""
+    if hasattr(error, "errors"):
+        first = error.errors()[0]
+        return f"{' '.join(map(str, first['loc'])).upper()}: {first['msg']}"
+    return str(error) or type(error).__name__
 
 
 def _parse_pcd(data: bytes) -> np.ndarray:

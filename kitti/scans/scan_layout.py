@@ -190,12 +190,28 @@ def _elsewhere(xyz: np.ndarray) -> str:
 
 def _hint(data: bytes) -> str:
     """Flags of a plausible layout, for the error message."""
-    found = _plausible(data, _CANDIDATES) or _plausible(data, _UNKNOWN)
+    found = _plausible(data, _CANDIDATES)
+    if not found and (size := _record_size(data)):
+        fields = "numpy.save of numpy.fromfile(FILE, DTYPE) with fields x, y, z, intensity"
+        return f"; it looks like records of {size} bytes of several types: {fields} is read"
+    found = found or _plausible(data, _UNKNOWN)
     if not found:
         return "; --scan_columns and --scan_dtype of track.py read other layouts"
     *_, dtype, columns = min(found)
     reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
     return f"; it looks like {dtype} {columns}: {reads}"
+
+
+def _record_size(data: bytes) -> int | None:
+    """Bytes of a packed record that begins with float32 x, y, z and is no multiple of a float32."""
+    for size in range(13, 32):
+        if size % 4 and len(data) % size == 0:
+            record = np.dtype({"names": ["xyz"], "formats": ["<3f4"], "itemsize": size})
+            xyz = np.frombuffer(data, record)["xyz"].astype(np.float64)
+            with np.errstate(all="ignore"):
+                if _flatness(xyz, ("x", "y", "z")) < _FLAT:
+                    return size
+    return None
 
 
 def _plausible(data: bytes, candidates: Iterable[tuple[str, ...]]) -> list[tuple]:

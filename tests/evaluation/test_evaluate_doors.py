@@ -93,6 +93,49 @@ def test_best_threshold_is_recorded_and_its_files_give_the_same_figures(root, tm
     assert again[protocol] == best[protocol]
 
 
+def test_best_of_result_files_writes_the_tracks_that_it_keeps(root, tmp_path, fails):
+    run(root, tmp_path / "a", "--tracker", "sort")
+    path = tmp_path / "a" / "tracks" / "0000.txt"
+    ghost = path.read_text().splitlines()[0].split()
+    ghost[1], ghost[13], ghost[17] = "99", "30.0", "0.1"  # far aside, with a low score
+    path.write_text(path.read_text() + " ".join(ghost) + "\n")
+    best = ("--results", path.parent, "--score_threshold", "best")
+    kept = run(root, tmp_path / "b", *best)
+    assert kept["clear3d"]["overall"]["FP"] == 0
+    again = run(root, tmp_path / "c", "--results", tmp_path / "b" / "tracks")
+    assert again["clear3d"] == kept["clear3d"]
+    given = ("--data_root", root, "--seqs", "0000", *best)
+    error = fails(*given, "--out", tmp_path / "a")
+    assert "its result files would replace those that are read" in error
+    assert "99 Car" in path.read_text()
+    path.write_text("\n".join(line.rsplit(" ", 1)[0] for line in path.read_text().splitlines()))
+    assert "expected scores in the results" in fails(*given, "--out", tmp_path / "d")
+
+
+def test_the_image_size_is_shown_and_can_be_given(root, tmp_path, fails, capsys):
+    note.cache_clear()
+    path = root / "training" / "calib" / "0000.txt"
+    text = path.read_text()
+    assert run(root, tmp_path / "a")["run"]["data"]["image_size"] == {"0000": [1242, 375]}
+    assert "pixels" not in capsys.readouterr().err
+    lines = [line for line in text.splitlines() if not line.startswith("P2")]
+    path.write_text("\n".join([*lines, "P2: 700 0 300 0 0 700 90 0 0 0 1 0\n"]))
+    assert run(root, tmp_path / "b")["run"]["data"]["image_size"] == {"0000": [600, 180]}
+    notes = capsys.readouterr().err
+    assert f"{path}: images of 600x180 pixels, twice the principal point of P2" in notes
+    given = run(root, tmp_path / "c", "--image_size", "640x200")
+    assert given["run"]["data"]["image_size"] == {"0000": [640, 200]}
+    assert "twice" not in capsys.readouterr().err
+    run(root, tmp_path / "d", "--config", tmp_path / "c" / "config.json")
+    assert (tmp_path / "d" / "tracks" / "0000.txt").read_text() == (
+        tmp_path / "c" / "tracks" / "0000.txt"
+    ).read_text()
+    path.write_text("\n".join([*lines, "P2: 700 0 -20 0 0 700 100 0 0 0 1 0\n"]))
+    words = ("--data_root", root, "--seqs", "0000", "--out", tmp_path / "e")
+    assert f"{path}: the principal point (-20, 100) of P2 is in no image" in fails(*words)
+    assert "--image_size: expected pixels" in fails(*words, "--image_size", "big")
+
+
 def test_detections_per_frame_give_the_tracks_of_those_per_sequence(root, tmp_path):
     rows = read_labels(root / "training" / "label_02" / "0000.txt").of_classes(("Car",))
     camera = np.stack(camera_from_level(rows.boxes), axis=1)

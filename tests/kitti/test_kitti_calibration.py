@@ -170,7 +170,7 @@ def test_image_size(camera, given, size):
 def test_no_image_size():
     with pytest.raises(InputError, match="--image_size: the calibration says 1200x340, found 9x9"):
         image_size_of(_camera(700, 600, 170, size=(1200, 340)), (9, 9))
-    with pytest.raises(InputError, match="is in no image: give --image_size"):
+    with pytest.raises(InputError, match="is in no image: expected S_rect_02"):
         image_size_of(_camera(700, 0, 0))
     for text in ("1242", "0x375", "1242x-3", "axb", "99999x375"):
         with pytest.raises(InputError, match="--image_size: expected pixels such as 1242x375"):
@@ -222,7 +222,8 @@ def _without(key):
         (NEW.replace("-0.27", "-270"), 6, "expected an offset of at most 20 metres"),
         (NEW.replace("-0.27", "-0_27"), 6, "expected finite numbers"),
         (NEW.replace("-0.27", "1e308"), 6, "expected numbers of magnitude 1e.06 at most"),
-        (NEW + "S_rect_02: 0 375\n", 8, "expected width and height of 1 pixel at least"),
+        (NEW + "S_rect_02: 0 375\n", 8, "expected width and height of 1 to 20000 pixels"),
+        (NEW + "S_rect_02: 1e6 375\n", 8, "expected width and height of 1 to 20000 pixels"),
     ],
 )
 def test_bad_files(tmp_path, text, line, message):

@@ -80,6 +80,23 @@ def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype
         np.testing.assert_array_equal(points[:, :3], cloud()[:count, :3])
 
 
+@pytest.mark.parametrize(
+    "fields", [[("i", "<f4"), ("ring", "<u2")], [("i", "u1"), ("ring", "u1")]], ids=str
+)
+def test_records_of_several_types_are_named_and_read_with_their_fields(tmp_path, fields):
+    rows = np.zeros(1200, [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *fields])
+    for axis, values in zip("xyz", cloud().T, strict=False):
+        rows[axis] = values
+    rows["ring"] = ring()
+    path = tmp_path / "0.bin"
+    path.write_bytes(rows.tobytes())
+    seen = f"it looks like records of {rows.dtype.itemsize} bytes of several types"
+    with pytest.raises(InputError, match=seen):
+        read_points(path)
+    np.save(tmp_path / "0.npy", np.fromfile(path, rows.dtype))
+    np.testing.assert_array_equal(read_points(tmp_path / "0.npy")[0][:, :3], cloud()[:, :3])
+
+
 def test_points_of_a_map_are_refused(tmp_path):
     np.add(cloud(), [450_000, 5_400_000, 100, 0]).astype("f4").tofile(tmp_path / "0.bin")
     seen = r"found points around x = 4\d{5}, y = 5\.4e\+06; the scanner is the origin$"

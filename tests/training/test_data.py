@@ -54,6 +54,14 @@ def test_all_means_labelled_and_not_held_out(roots):
         labelled_sequences(a + "/training")
 
 
+def test_a_root_without_scans_is_named(roots, tmp_path):
+    a, _ = roots
+    write_sequence(tmp_path, 2, frames=2, missing=(0, 1))
+    words = ("--data_root", a, "--seqs", "0000", "--data_root", str(tmp_path), "--seqs", "0002")
+    with pytest.raises(InputError, match=rf"{tmp_path}: expected scans of 0002 in training/velo"):
+        opened(*words, "--val_data_root", a, "--val_seqs", "0011")
+
+
 def test_data_without_an_object_to_train_on_is_refused(roots, capsys):
     a, b = roots
     data = opened("--data_root", b, "--seqs", "all", "--val_data_root", a)

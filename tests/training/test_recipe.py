@@ -109,6 +109,16 @@ def test_a_changed_tree_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "work").exists()
 
 
+@pytest.mark.parametrize("flag", ["--labels", "--scans"])
+def test_missing_data_are_noticed_before_anything_runs(tmp_path, monkeypatch, flag):
+    monkeypatch.setattr(recipe, "make_weights", lambda *_: pytest.fail("too late"))
+    words = [flag, str(tmp_path / "nothing"), "--workdir", str(tmp_path / "work")]
+    with pytest.raises(InputError, match="nothing: expected a folder training/"):
+        recipe.main(words)
+    with pytest.raises(InputError, match="nothing"):
+        recipe.main([*words, "--label_seqs", "all", "--scan_seqs", "all"])
+
+
 def test_a_begun_training_resumes(tmp_path):
     stage = Stage("train", ("train_det.py",), tmp_path)
     assert stage.arguments() == ["train_det.py"]

@@ -141,13 +141,22 @@ def open_data(flags: argparse.Namespace) -> TrainingData:
             )
     counts = [len(seqs) for _, seqs in trained]
     data = TrainingData(
-        [sequence for root, seqs in trained for sequence in open_sequences(root, seqs)],
-        [sequence for root, seqs in validated for sequence in open_sequences(root, seqs)],
+        [sequence for root, seqs in trained for sequence in _with_scans(root, seqs)],
+        [sequence for root, seqs in validated for sequence in _with_scans(root, seqs)],
         _pools(counts, flags.share),
     )
     for sequence in (*data.training, *data.validation):
         check_points(sequence)
     return data
+
+
+def _with_scans(root: str, seqs: Sequence[int]) -> list[KittiSequence]:
+    """Opens the sequences of a root; InputError if none of them has a scan."""
+    sequences = open_sequences(root, seqs)
+    if not any(sequence.has_scan(t) for sequence in sequences for t in sequence.frames):
+        names = ", ".join(sequence.name for sequence in sequences)
+        raise InputError(f"expected scans of {names} in training/velodyne/, found none", root)
+    return sequences
 
 
 def check_objects(data: TrainingData, classes: Sequence[str]) -> None:
