@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from common.files import write_json, write_text
 from common.flags import (
     ArgumentParser,
     non_negative_float,
@@ -25,8 +24,8 @@ from common.flags import (
     run,
 )
 from common.markdown import cell, markdown
-from common.provenance import provenance
 from evaluation.scene import Scene, open_scenes
+from experiments.runs import write
 from kitti.iou import iou_3d
 from kitti.object_shift import ObjectShift
 from kitti.objects import VEHICLES, Objects
@@ -38,7 +37,7 @@ from metrics.kitti_rules import in_dontcare
 
 MIN_IOU = 0.5
 BEFORE, BETWEEN, AFTER, NEVER = KINDS = ("before", "between", "after", "never")
-SWITCH = ("sequence", "frame", "label", "from", "to", "frames since")
+SWITCH = ("switch in", "frame", "label", "from", "to", "frames since")
 
 
 def kinds(frame: np.ndarray, ids: np.ndarray, wrong: np.ndarray) -> np.ndarray:
@@ -101,19 +100,19 @@ def _tracks(c: Comparison, alarm: np.ndarray) -> list[dict[str, Any]]:
         counts = Counter(alarm[wrong].tolist())
         rows.append(
             {
-                "sequence": c.name,
+                "false alarms in": c.name,
                 "track": int(track),
                 "frames": f"{c.results.frame[own].min()}-{c.results.frame[own].max()}",
                 "boxes": int(own.sum()),
                 **{kind: counts[kind] for kind in KINDS},
-                "range": float(np.hypot(*c.results.boxes[wrong, :2].T).mean()),
+                "range (m)": float(np.hypot(*c.results.boxes[wrong, :2].T).mean()),
                 "score": float(c.results.score[wrong].mean()),
             }
         )
     return rows
 
 
-def table(found: list[dict[str, Any]], longest: int, command: str) -> str:
+def table(found: list[dict[str, Any]], longest: int) -> str:
     """Counts over all sequences, the tracks with most false alarms, and all switches."""
     names = ("false alarms", "false alarms outside DontCare", "misses")
     totals = [sum((part[name] for part in found), Counter()) for name in names]
@@ -126,16 +125,16 @@ def table(found: list[dict[str, Any]], longest: int, command: str) -> str:
     tracks.sort(key=lambda track: -sum(track[kind] for kind in KINDS))
     if tracks:
         cells = [[cell(value, 2) for value in t.values()] for t in tracks[:longest]]
-        text += "\nTracks with false alarms:\n\n" + markdown(list(tracks[0]), cells)
+        text += "\n" + markdown(list(tracks[0]), cells)
     changed = [switch for part in found for switch in part["switches"]]
     if changed:
         cells = [[cell(value, 0) for value in s.values()] for s in changed]
-        text += "\nIdentity switches:\n\n" + markdown(SWITCH, cells)
-    return text + f"\n`{command}`\n"
+        text += "\n" + markdown(SWITCH, cells)
+    return text
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Reads result files, lists their errors, prints and writes the list."""
+    """Reads result files and lists their errors."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
     add = parser.add_argument
     add("--data_root", required=True, metavar="DIR", help="labels in KITTI's layout")
@@ -149,11 +148,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     shift = ObjectShift(flags.object_shift, flags.seed) if flags.object_shift else None
     scenes = open_scenes(flags.data_root, parse_sequences(flags.seqs), shift=shift)
     found = [errors_of(scene, flags.results) for scene in scenes]
-    record = provenance()
-    text = table(found, flags.longest, record["command"])
-    write_text(flags.out / "track_errors.md", text)
-    write_json(flags.out / "track_errors.json", {"run": record, "sequences": found})
-    print(text, end="")
+    write(flags.out, "track_errors", "Tracking errors", table(found, flags.longest), found)
 
 
 if __name__ == "__main__":

@@ -41,27 +41,28 @@ def folder(tmp_path):
 def test_errors_of_result_files(folder, tiny_root, capsys):
     words = ["--data_root", str(tiny_root), "--results", str(folder / "tracks")]
     assert flags.run(module.main, [*words, "--out", str(folder / "errors")]) == 0
-    (found,) = json.loads((folder / "errors" / "track_errors.json").read_text())["sequences"]
+    (found,) = json.loads((folder / "errors" / "track_errors.json").read_text())["figures"]
     assert found["false alarms"] == {"before": 1, "never": 1}
     assert found["false alarms outside DontCare"] == found["false alarms"]
     assert found["misses"] == {"before": 2, "between": 1, "after": 3}
     assert found["switches"] == [
-        {"sequence": "0000", "frame": 6, "label": 0, "from": 5, "to": 7, "frames since": 2}
+        {"switch in": "0000", "frame": 6, "label": 0, "from": 5, "to": 7, "frames since": 2}
     ]
     assert [(t["track"], t["frames"], t["boxes"]) for t in found["tracks"]] == [
         (5, "0-4", 4),
         (9, "0-0", 1),
     ]
     text = (folder / "errors" / "track_errors.md").read_text()
-    assert text == capsys.readouterr().out
-    assert [line.split()[-2] for line in text.splitlines()[2:5]] == ["2", "2", "6"]
+    tables = text.split("\n\n", 2)[2]
+    assert tables in capsys.readouterr().out
+    assert [line.split()[-2] for line in tables.splitlines()[2:5]] == ["2", "2", "6"]
 
 
 def test_results_under_an_object_shift_are_compared_with_shifted_labels(folder, tiny_root):
     words = ["--data_root", str(tiny_root), "--results", str(folder / "tracks")]
     words += ["--object_shift", "2", "--out", str(folder / "errors")]
     assert flags.run(module.main, words) == 0
-    (found,) = json.loads((folder / "errors" / "track_errors.json").read_text())["sequences"]
+    (found,) = json.loads((folder / "errors" / "track_errors.json").read_text())["figures"]
     assert sum(found["misses"].values()) > 6
 
 
