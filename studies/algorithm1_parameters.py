@@ -51,6 +51,7 @@ TRIALS = (
     *(Trial(0.2, {"max_age": age}) for age in (0, 1, 3, 5, 10)),
     *(Trial(0.2, {"lost_frames": frames, "lost_points": 0}) for frames in (1, 3)),
     *(Trial(0.2, {"min_hits": hits}) for hits in (2, 3)),
+    *(Trial(0.2, {"duplicate_iou": least}) for least in (0.3, 0.5, 1.0)),
 )
 
 

@@ -38,6 +38,7 @@ class AssociationParameters:
     min_start_score: float = -np.inf  # least score that starts a trajectory; Algorithm 1 has none
     lost_frames: int = 1  # frames for which a lost object is reported; Algorithm 1 has none
     lost_points: int = 3  # if so many points of the mask lie in its moved box; 0: in any case
+    duplicate_iou: float = 0.7  # two tracks of more 3-D IoU are one object; 1: Algorithm 1
 
     def __post_init__(self):
         check_similarity(self.similarity)
@@ -47,6 +48,7 @@ class AssociationParameters:
             ("min_hits", self.min_hits, 1, np.inf),
             ("lost_frames", self.lost_frames, 0, np.inf),
             ("lost_points", self.lost_points, 0, np.inf),
+            ("duplicate_iou", self.duplicate_iou, 0, 1),
         ):
             if not least <= value <= most:
                 raise InputError(f"{name}: expected {least} to {most}, found {value}")
@@ -95,6 +97,7 @@ class AssociationToTrajectory:
             self.life.hit(previous[row], detections, column)
         for row in matching.unmatched_rows:
             previous[row].state.box = moved[row]  # lost: keeps its displacement
+        self._merge_duplicates(detections)
         for column in matching.unmatched_columns:  # lines 1-3 when t = 0
             if detections.scores[column] >= p.min_start_score:
                 state = Motion(boxes[column], label_id=int(label_ids[column]))
@@ -143,6 +146,28 @@ class AssociationToTrajectory:
         new = np.array([track.hits < p.min_hits for track in self.life.tracks], bool)
         matching[new] &= iou_3d(moved[new], boxes) > TAU["iou_3d"]
         return np.where(matching, -similarity, np.inf)
+
+    def _merge_duplicates(self, detections: FrameDetections) -> None:
+        """Merges a lost track into a matched one that it overlaps; the one of more hits goes on.
+
+        Two boxes on one vehicle start a second track, and a wrong displacement moves a lost vehicle
+        onto its neighbour; the two tracks would then take the vehicle's detections in turn.
+        """
+        least = self.parameters.duplicate_iou
+        if least == 1:
+            return
+        lost = [track for track in self.life.tracks if track.detection < 0]
+        matched = [track for track in self.life.tracks if track.detection >= 0]
+        both = (np.array([t.state.box for t in part]).reshape(-1, 7) for part in (lost, matched))
+        merged = set()
+        for row, column in greedy(-iou_3d(*both), -least).pairs:
+            first, second = lost[row], matched[column]
+            if first.hits > second.hits:
+                first.state = second.state
+                self.life.hit(first, detections, second.detection)
+                first, second = second, first
+            merged.add(first.id)
+        self.life.drop(lambda track: track.id in merged)
 
     def _is_shown(self, track: Track, detections: FrameDetections) -> bool:
         """True for a matched track past its probation; in the first frames for any matched one."""

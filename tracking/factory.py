@@ -20,7 +20,7 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "pointtracknet_no_probation": (AssociationToTrajectory, AssociationParameters()),
     "pointtracknet_published": (
         AssociationToTrajectory,
-        AssociationParameters(similarity="iou_3d", lost_frames=0),
+        AssociationParameters(similarity="iou_3d", lost_frames=0, duplicate_iou=1.0),
     ),
     "gt_displacement": (AssociationByLabels, AssociationParameters()),
     "sort": (Sort, SortParameters()),

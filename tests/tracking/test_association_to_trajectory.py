@@ -65,6 +65,33 @@ def test_the_larger_iou_wins_a_conflict():
 
 
 @pytest.mark.parametrize(
+    ("name", "ids"), [("pointtracknet_no_probation", [0, 0]), ("pointtracknet_published", [1, 0])]
+)
+def test_two_tracks_on_one_vehicle_become_the_older_one(name, ids):
+    tracker = make_tracker(name)
+    for boxes in (cars(0.0), cars(0.0), cars(0.0, 0.2)):  # the last one has two boxes on it
+        tracks = step(tracker, boxes)
+    assert tracks.ids.tolist() == [0, 1]
+    assert [step(tracker, cars(x)).ids.tolist()[0] for x in (0.2, 0.0)] == ids
+    assert len(tracker.life.tracks) == len(set(ids))
+
+
+def test_the_matched_track_goes_on_where_it_is_the_older_one():
+    tracker = make_tracker("pointtracknet_no_probation")
+    for boxes in (cars(0.0), cars(0.0, 0.2), cars(0.0)):
+        assert step(tracker, boxes).ids.tolist()[0] == 0
+    assert [track.id for track in tracker.life.tracks] == [0]
+
+
+def test_a_lost_neighbour_is_no_duplicate():
+    tracker = make_tracker("pointtracknet_no_probation", lost_frames=0)
+    step(tracker, cars(0.0, 1.0))  # IoU 3 / 5
+    step(tracker, cars(0.0))
+    assert [track.id for track in tracker.life.tracks] == [0, 1]
+    assert step(tracker, cars(0.0, 1.0)).ids.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
     ("name", "parameters", "shift", "matched"),
     [
         # shift s along 4 m: IoU and GIoU (4 - s) / (4 + s), the IoU of boxes apart is 0
