@@ -98,6 +98,8 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "experiments.figure5": f"{NETWORKS}::test_networks_run_once",
     "experiments.table6": f"{NETWORKS}::test_networks_run_once",
     "experiments.ab3dmot": f"{TRACKING}::test_ab3dmot_table_stands_beside_the_published_rows",
+    "--protocol kitti3d,clear3d": Here(KITTI),
+    "studies.track_errors": "tests/studies/test_track_errors.py::test_errors_of_result_files",
     "studies.decoding_parameters": f"{DECODING}::test_from_end_to_end",
     "visualize.py scene": Here(KITTI),
     "visualize.py birds_eye": Here(KITTI),
