@@ -61,10 +61,19 @@ def _training(kind: str) -> Callable[[Path, Path], list[str]]:
 def _last_checkpoint(out: Path) -> Digest:
     """The arrays of the last step and the number of epochs in the history."""
     path = max((out / "checkpoints").glob("step-*.npz"))
-    with np.load(path) as file:
-        arrays = {n: _hash(np.ascontiguousarray(file[n]).tobytes()) for n in file if n != "meta"}
     epochs = len((out / "history.csv").read_text().splitlines())
-    return {"step": path.name, "epochs": str(epochs), **arrays}
+    return {"step": path.name, "epochs": str(epochs), **_arrays(path)}
+
+
+def _arrays(path: Path) -> Digest:
+    with np.load(path) as file:
+        return {n: _hash(np.ascontiguousarray(file[n]).tobytes()) for n in file if n != "meta"}
+
+
+def _made(out: Path) -> Digest:
+    """The last checkpoint of the recipe's training, and the weights that it copies."""
+    copied = {f"weights/{name}": value for name, value in _arrays(out / "out" / "best.npz").items()}
+    return {**_last_checkpoint(out / "detector"), **copied}
 
 
 def _evaluation(inputs: Path, out: Path) -> list[str]:
@@ -83,6 +92,14 @@ def _demo(inputs: Path, out: Path) -> list[str]:
     return ["demo.py", *argv, *FRAMES, "--displacements", "0"]
 
 
+def _demonstrated(out: Path) -> Digest:
+    figures = json.loads((out / "metrics.json").read_text())["figures"]
+    counts = {d: {n: r["clear3d"] for n, r in trackers.items()} for d, trackers in figures.items()}
+    pictures = ("birds_eye.png", "trajectories.png", "animation.gif")
+    data = _files(out, "*.bin", "[0-9]*.txt", *pictures)
+    return {**data, "figures": _hash(json.dumps(counts).encode())}
+
+
 def _recipe(inputs: Path, out: Path) -> list[str]:
     return ["-m", "campaigns.small_recipe", str(inputs / "cars"), str(out)]
 
@@ -94,7 +111,7 @@ JOBS = {
     "detector": Job(_training("detector"), _last_checkpoint),
     "tracker": Job(_training("tracker"), _last_checkpoint),
     "evaluation": Job(_evaluation, _evaluated),
-    "demo": Job(_demo, lambda out: _files(out, "*.bin", "[0-9]*.txt")),
-    "recipe": Job(_recipe, lambda out: _last_checkpoint(out / "detector")),
+    "demo": Job(_demo, _demonstrated),
+    "recipe": Job(_recipe, _made),
 }
 """By name."""
