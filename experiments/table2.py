@@ -283,8 +283,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         detector |= training_times(config, sequence, flags.repeats)
         name = "import to first boxes of pointtracknet.Tracker (s)"
         detector[name] = seconds_to_first_boxes(sequence.scan_path(0), flags.weights, flags.repeats)
-        rates = pipeline_rates(networks, sequence, flags.repeats)
-    stream = stream_times(networks, scans, (ALL_POINTS, *PAPER), flags.repeats)
+        stream = stream_times(networks, scans, (ALL_POINTS, *PAPER), flags.repeats)
+        rates = pipeline_rates(networks, sequence, flags.repeats)  # last: its workers end late
     metrics = {
         "device": device,
         "detector": detector,
