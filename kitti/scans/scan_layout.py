@@ -207,9 +207,9 @@ def _record_size(data: bytes) -> int | None:
     for size in range(13, 32):
         if size % 4 and len(data) % size == 0:
             record = np.dtype({"names": ["xyz"], "formats": ["<3f4"], "itemsize": size})
-            xyz = np.frombuffer(data, record)["xyz"].astype(np.float64)
+            xyz = np.frombuffer(data, record)["xyz"]
             with np.errstate(all="ignore"):
-                if _flatness(xyz, ("x", "y", "z")) < _FLAT:
+                if _flatness(xyz.astype(np.float64), ("x", "y", "z")) < _FLAT:
                     return size
     return None
 

@@ -97,6 +97,14 @@ def test_records_of_several_types_are_named_and_read_with_their_fields(tmp_path,
     np.testing.assert_array_equal(read_points(tmp_path / "0.npy")[0][:, :3], cloud()[:, :3])
 
 
+@pytest.mark.filterwarnings("error")
+def test_damaged_records_raise_no_warning(tmp_path):
+    signalling = np.array([0x7FA00001], "<u4").tobytes()  # a NaN that a cast complains about
+    (tmp_path / "0.bin").write_bytes((signalling * 4 + b"\0\0") * 7)
+    with pytest.raises(InputError, match="expected a positive multiple of 16 bytes"):
+        read_points(tmp_path / "0.bin")
+
+
 def test_points_of_a_map_are_refused(tmp_path):
     np.add(cloud(), [450_000, 5_400_000, 100, 0]).astype("f4").tofile(tmp_path / "0.bin")
     seen = r"found points around x = 4\d{5}, y = 5\.4e\+06; the scanner is the origin$"
