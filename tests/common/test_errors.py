@@ -17,3 +17,8 @@ def test_is_a_value_error_and_keeps_the_place():
     error = InputError("m", "p", 7)
     assert isinstance(error, ValueError)
     assert (error.path, error.line) == ("p", 7)
+
+
+def test_a_name_with_a_line_end_stays_in_one_line():
+    assert str(InputError("is empty", "a\nb\t.txt", 1)) == "a\\nb\\t.txt:1: is empty"
+    assert str(InputError("is empty", "ärger 1.txt")) == "ärger 1.txt: is empty"
