@@ -64,13 +64,9 @@ class CachedPredictions:
         loaded.network.warm_up()
         return loaded
 
-    def check_weights(self) -> list[Path]:
-        """The files of the networks; raises InputError where one is missing."""
-        return network_files(self.weights)
-
     @cached_property
     def _code_and_weights(self) -> bytes:
-        paths = self.check_weights()
+        paths = network_files(self.weights)
         scorer = self.weights / SCORER
         paths += [scorer] * scorer.is_file()
         return b"".join(_digest_of_file(path) for path in paths) + code_digest()

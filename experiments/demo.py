@@ -25,6 +25,7 @@ from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import TRACKER_NAMES
 from kitti.labels import read_results
 from kitti.objects import Objects
+from models.weight_files import network_files
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
 from visualization.animation import MAX_FRAMES
@@ -84,7 +85,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     """Runs all steps; prints the table and the paths, returns the content of metrics.json."""
     check_writable(config.out)
     demo = Demo(config)
-    demo.cached.check_weights()
+    network_files(config.weights)  # raises where one is missing
     demo.make_data()
     demo.fill_cache()
     records = {d: demo.evaluate(d) for d in config.object_shifts}
@@ -242,8 +243,8 @@ class Demo:
             config=to_dict(self.config),
             data=self._data(),
             weights_sha256={
-                name: hashlib.sha256((self.config.weights / name).read_bytes()).hexdigest()
-                for name in ("detector.npz", "tracker.npz")
+                path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+                for path in network_files(self.config.weights)
             },
         )
         metrics = {

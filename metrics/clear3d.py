@@ -89,9 +89,7 @@ def row_errors(comparison: Comparison, keep: np.ndarray, min_iou: float = 0.5) -
 def _matched_ids(events, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """(rows,) int64: the id in OId of the match of a row's frame and id, -1 without one."""
     matches = events[events.Type.isin(["MATCH", "SWITCH"])]
-    frames = matches.index.get_level_values("FrameId")
-    keys = zip(frames.tolist(), matches["HId"].astype(int).tolist(), strict=True)
-    found = dict(zip(keys, matches["OId"].astype(int).tolist(), strict=True))
+    found = dict(zip(_keys(matches, "HId"), matches["OId"].astype(int).tolist(), strict=True))
     rows = zip(frame.tolist(), ids.tolist(), strict=True)
     return np.fromiter((found.get(row, -1) for row in rows), np.int64, len(frame))
 
@@ -103,11 +101,15 @@ def _false_alarms(comparison: Comparison, events) -> np.ndarray:
 
 def _rows_of(events, kind: str, column: str, frame: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """(rows,) bool: rows whose frame and id are those of an event of `kind`, ids in `column`."""
-    chosen = events[events.Type == kind]
-    frames = chosen.index.get_level_values("FrameId")
-    found = set(zip(frames.tolist(), chosen[column].astype(int).tolist(), strict=True))
+    found = set(_keys(events[events.Type == kind], column))
     rows = zip(frame.tolist(), ids.tolist(), strict=True)
     return np.fromiter((row in found for row in rows), bool, len(frame))
+
+
+def _keys(events, column: str) -> list[tuple[int, int]]:
+    """Frame and id of each event, ids in `column`."""
+    frames = events.index.get_level_values("FrameId")
+    return list(zip(frames.tolist(), events[column].astype(int).tolist(), strict=True))
 
 
 def _accumulate(comparison: Comparison, keep: np.ndarray, min_iou: float):

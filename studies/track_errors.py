@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from common.flags import (
-    ArgumentParser,
     non_negative_float,
     non_negative_int,
     positive_int,
@@ -25,11 +24,10 @@ from common.flags import (
 )
 from common.markdown import cell, markdown
 from evaluation.scene import Scene, open_scenes
-from experiments.runs import write
+from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.object_shift import ObjectShift
 from kitti.objects import VEHICLES, Objects
-from kitti.seqmap import parse_sequences
 from kitti.tables import sequence_file
 from metrics.clear3d import RowErrors, row_errors
 from metrics.comparison import Comparison, compare
@@ -135,18 +133,15 @@ def table(found: list[dict[str, Any]], longest: int) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Reads result files and lists their errors."""
-    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    parser = make_parser(__doc__, "0000")
     add = parser.add_argument
-    add("--data_root", required=True, metavar="DIR", help="labels in KITTI's layout")
-    add("--seqs", default="0000", metavar="SEQS", help="such as 0000 or 0016-0020")
     add("--results", type=Path, required=True, metavar="DIR", help="result files of evaluate.py")
     add("--object_shift", type=non_negative_float, default=0.0, help="with which they were made")
     add("--seed", type=non_negative_int, default=0, help="of that object shift")
     add("--longest", type=positive_int, default=20, help="tracks in the list")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for the list")
     flags = parser.parse_args(argv)
     shift = ObjectShift(flags.object_shift, flags.seed) if flags.object_shift else None
-    scenes = open_scenes(flags.data_root, parse_sequences(flags.seqs), shift=shift)
+    scenes = open_scenes(flags.data_root, flags.seqs, shift=shift)
     found = [errors_of(scene, flags.results) for scene in scenes]
     write(flags.out, "track_errors", "Tracking errors", table(found, flags.longest), found)
 

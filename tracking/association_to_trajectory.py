@@ -161,12 +161,13 @@ class AssociationToTrajectory:
         both = (np.array([t.state.box for t in part]).reshape(-1, 7) for part in (lost, matched))
         merged = set()
         for row, column in greedy(-iou_3d(*both), -least).pairs:
-            first, second = lost[row], matched[column]
-            if first.hits > second.hits:
-                first.state = second.state
-                self.life.hit(first, detections, second.detection)
-                first, second = second, first
-            merged.add(first.id)
+            track, other = lost[row], matched[column]
+            if track.hits > other.hits:  # it takes the detection over
+                track.state = other.state
+                self.life.hit(track, detections, other.detection)
+                merged.add(other.id)
+            else:
+                merged.add(track.id)
         self.life.drop(lambda track: track.id in merged)
 
     def _is_shown(self, track: Track, detections: FrameDetections) -> bool:

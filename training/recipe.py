@@ -22,9 +22,8 @@ from common.files import copy_folder, read_bytes, write_json
 from common.flags import ArgumentParser, run
 from common.provenance import ROOT, git_commit
 from common.steps import Steps
-from kitti.seqmap import parse_sequences
-from kitti.sequence import labelled_sequences, open_sequences
-from training.sampling.data import ALL
+from kitti.sequence import open_sequences
+from training.sampling.data import sequence_numbers
 
 RECIPE = Path(__file__).with_suffix(".json")
 RECORD = "recipe.json"  # of the workdir: command and commit of every stage begun
@@ -153,10 +152,8 @@ def _check_data(values: dict[str, str]) -> None:
         ("scan_seqs", "scans"),
         ("scan_val_seqs", "scans"),
     ):
-        if values.get(seqs) == ALL:
-            labelled_sequences(values[root])
-        elif seqs in values:
-            open_sequences(values[root], parse_sequences(values[seqs]))
+        if root in values:
+            open_sequences(values[root], sequence_numbers(values[root], values[seqs]))
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -192,14 +192,20 @@ def _numbers(
             f"{seqs_flag}: expected one, or one for each {root_flag}, found {len(seqs)}"
         )
     return [
-        (
-            root,
-            parse_sequences(text)
-            if text != ALL
-            else [s for s in labelled_sequences(root) if (Path(root).resolve(), s) not in held_out],
-        )
+        (root, sequence_numbers(root, text, held_out))
         for root, text in zip(roots, seqs, strict=True)
     ]
+
+
+def sequence_numbers(
+    root: str,
+    text: str,
+    held_out: frozenset[tuple[Path, int]] | set[tuple[Path, int]] = frozenset(),
+) -> list[int]:
+    """The sequences that a text such as 0001-0003 names; "all": the labelled ones not held out."""
+    if text != ALL:
+        return parse_sequences(text)
+    return [s for s in labelled_sequences(root) if (Path(root).resolve(), s) not in held_out]
 
 
 def _pools(counts: Sequence[int], shares: dict[int, float]) -> list[Pool]:
