@@ -48,6 +48,13 @@ class AugmentationConfig:
     single_scan_pairs: bool = note(
         False, "pairs from scans without an adjacent one too: halves of its points, ego motion"
     )
+    hidden_vehicles: float = note(
+        0.0,
+        "share of the vehicles of a pair that are hidden in one of its frames, where most of their "
+        "points are left out; their displacement stays the true one",
+        0,
+        1,
+    )
 
 
 @dataclass(frozen=True)

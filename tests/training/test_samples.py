@@ -17,7 +17,14 @@ from training.config import AugmentationConfig, DetectorTrainingConfig
 from training.sampling.augmentation import SceneTransform
 from training.sampling.frame_reader import FrameReader
 from training.sampling.frames import frame_list, pair_list, read_frame
-from training.sampling.samples import detector_sample, no_augmentation, pair_sample, shifted
+from training.sampling.samples import (
+    MOST_LEFT,
+    detector_sample,
+    hidden,
+    no_augmentation,
+    pair_sample,
+    shifted,
+)
 
 CLASSES = ("Car", "Van")
 CONFIG = DetectorTrainingConfig(dataclasses.replace(SMALL_DETECTOR, num_points=400))
@@ -205,6 +212,50 @@ def test_an_object_that_leaves_is_ignored(frames):
     assert left.sum() > 20
     assert not displacement[foreground == -1].any()
     assert not (foreground[1] == -1).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hidden_vehicles_lose_points_and_keep_their_displacement(frames, seed):
+    """Each vehicle is hidden in one of the frames; in the other its label stays the true one."""
+    pair = [frame.only(~frame.ground) for frame in (frames[0], frames[1])]
+    found = hidden(pair, 1.0, rng(seed))
+    counts = np.array([[_owned(f, box) for box in range(2)] for f in (*pair, *found)])
+    shares = counts[2:] / counts[:2]
+    assert (shares.max(axis=0) == 1).all()  # frame by vehicle
+    assert (shares.min(axis=0) < MOST_LEFT + 0.1).all()
+    for before, after in zip(pair, found, strict=True):
+        outside = np.count_nonzero(points_in_boxes(before.points, before.boxes) < 0)
+        assert np.count_nonzero(points_in_boxes(after.points, after.boxes) < 0) == outside
+    config = dataclasses.replace(no_augmentation(), hidden_vehicles=1.0)
+    sample = pair_sample(*pair, 400, config, rng(seed))
+    motion = boxes_at(1)[0, :3] - boxes_at(0)[0, :3]
+    assert (sample.foreground >= 0).all()
+    for here, expected in enumerate((motion, -motion)):
+        moving = (sample.foreground[here] == 1) & (sample.points[here, :, 1] > 0)
+        np.testing.assert_allclose(
+            sample.displacement[here, moving].reshape(-1, 3) - expected, 0, atol=1e-4
+        )
+
+
+def _owned(frame, box):
+    return np.count_nonzero(points_in_boxes(frame.points, frame.boxes) == box)
+
+
+def test_a_share_of_the_vehicles_is_hidden(frames):
+    pair = (frames[0], frames[1])
+    assert hidden(pair, 0.0, rng())[0].points is frames[0].points
+    changed = sum(
+        len(after.points) < len(before.points)
+        for seed in range(200)
+        for before, after in zip(pair, hidden(pair, 0.2, rng(seed)), strict=True)
+    )
+    assert 40 < changed < 115  # 400 frames, 0.19 of them with at least one of two hidden
+
+
+def test_a_frame_of_one_vehicle_alone_keeps_points(frames):
+    inside = frames[0].only(points_in_boxes(frames[0].points, frames[0].boxes) == 0)
+    for seed in range(50):
+        assert all(len(frame.points) for frame in hidden((inside, inside), 1.0, rng(seed)))
 
 
 def test_frames_without_objects(frames):

@@ -25,6 +25,12 @@ class LabelledFrame(NamedTuple):
     other_boxes: np.ndarray  # (K, 7) float64, labelled objects of other classes
     other_ids: np.ndarray  # (K,) int64
 
+    def only(self, rows: np.ndarray) -> "LabelledFrame":
+        """The frame with some of its points, by their rows (k,) or a mask (n,)."""
+        return self._replace(
+            points=self.points[rows], ground=self.ground[rows], ignored=self.ignored[rows]
+        )
+
 
 def frame_list(sequences: list[KittiSequence]) -> list[tuple[int, int]]:
     """(sequence index, frame) of every frame that has a scan."""

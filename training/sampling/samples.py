@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kitti.boxes import points_in_boxes
 from kitti.object_shift import ObjectShift, shift_points
 from kitti.scans.point_arrays import sample_points
 from kitti.targets import association_displacement, foreground_labels, point_displacement
@@ -15,6 +16,9 @@ from training.sampling.augmentation import SceneTransform
 from training.sampling.frames import LabelledFrame
 from training.sampling.object_bank import ObjectBank
 from training.sampling.pasting import paste_objects
+
+MOST_LEFT = 0.25
+"""Largest share of its points that a hidden vehicle keeps."""
 
 
 class DetectorSample(NamedTuple):
@@ -52,6 +56,7 @@ def no_augmentation() -> AugmentationConfig:
         object_shift_share=0.0,
         pasted_objects=0,
         single_scan_pairs=False,
+        hidden_vehicles=0.0,
     )
 
 
@@ -79,6 +84,30 @@ def shifted(
         moved[:, :2] += moves
         vehicles, others = np.split(moved, [len(frame.boxes)])
         result.append(frame._replace(points=points, boxes=vehicles, other_boxes=others))
+    return result
+
+
+def hidden(
+    frames: Sequence[LabelledFrame], share: float, rng: np.random.Generator
+) -> list[LabelledFrame]:
+    """The two frames of a pair, where a share of their vehicles are hidden in one, as by occlusion.
+
+    A hidden vehicle loses all its points but a share uniform in [0, `MOST_LEFT`]; its box stays.
+    So the tracker learns where a vehicle goes that it does not see again, rather than to move it
+    onto a neighbour. A frame keeps all its points where none would be left.
+    """
+    if not share:
+        return list(frames)
+    ids = np.unique(np.concatenate([frame.track_ids for frame in frames]))
+    where = np.where(rng.random(len(ids)) < share, rng.integers(2, size=len(ids)), -1)
+    left = rng.uniform(0.0, MOST_LEFT, len(ids))
+    result = []
+    for number, frame in enumerate(frames):
+        vehicle = np.searchsorted(ids, frame.track_ids)
+        keep = np.where(where[vehicle] == number, left[vehicle], 1.0)
+        owner = points_in_boxes(frame.points, frame.boxes)
+        kept = rng.random(len(owner)) < np.append(keep, 1.0)[owner]
+        result.append(frame.only(kept) if kept.any() else frame)
     return result
 
 
@@ -181,7 +210,7 @@ def pair_sample(
     transform = SceneTransform.random(augmentation, rng)
     dropout = rng.uniform(0.0, augmentation.dropout)
     scans, boxes, labels, ignored = [], [], [], []
-    for frame in frames:
+    for frame in hidden(frames, augmentation.hidden_vehicles, rng):
         rows = _choose(len(frame.points), num_points, dropout, rng)
         labels.append(foreground_labels(frame.points, frame.boxes, frame.ground)[rows])
         ignored.append(frame.ignored[rows])

@@ -22,12 +22,7 @@ def split_scan(
     """
     rows = rng.permutation(len(frame.points))
     halves = [np.sort(half) for half in np.array_split(rows, 2)]
-    first, second = (
-        frame._replace(
-            points=frame.points[half], ground=frame.ground[half], ignored=frame.ignored[half]
-        )
-        for half in halves
-    )
+    first, second = (frame.only(half) for half in halves)
     motion = ego_motion(rng.uniform(0.0, MAX_FORWARD), rng.uniform(-MAX_YAW, MAX_YAW))
     moved = second.points @ motion[:3, :3].T + motion[:3, 3]
     return first, second._replace(
