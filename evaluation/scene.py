@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kitti.boxes import points_in_boxes
 from kitti.check_points import check_points
 from kitti.object_shift import (
     ObjectShift,
@@ -65,6 +66,12 @@ class Scene:
         rows = self.sequence.objects.frame == t
         boxes = self.sequence.objects.boxes[rows]
         return shift_points(points, boxes, self._offsets[rows])
+
+    def points_in(self, t: int, boxes: np.ndarray) -> np.ndarray:
+        """(M,) int: points of frame t in each box (M, 7), one in several in the first alone."""
+        points = self.points(t)
+        owner = np.zeros(0, int) if points is None else points_in_boxes(points, boxes)
+        return np.bincount(owner[owner >= 0], minlength=len(boxes))
 
     @cached_property
     def ego_motions(self) -> np.ndarray | None:

@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from common import flags
 from common.config import to_dict
 from common.config_flags import option
@@ -24,7 +26,7 @@ from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import TRACKER_NAMES
 from kitti.labels import read_results
-from kitti.objects import Objects
+from kitti.objects import VEHICLES, Objects
 from models.weight_files import network_files
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
@@ -38,11 +40,13 @@ PICTURE_CODE = {
     "files": sorted((ROOT / "visualization" / "web").iterdir()),
 }
 SCENE = "scene.html"
+BOXES = "boxes.json"
 SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
 TITLE = "PointTrackNet: trackers side by side"
 HEADER = ("method", "D (m)", "from", *TABLE5_COLUMNS, "s/frame")
 PAPER_SECONDS = {"PointTrackNet": 0.099}  # Table II, N = 15000, N' = 5000, GTX 1080 Ti
 PAPER = "paper, KITTI"
+FEW_POINTS = 10
 Row = tuple[str, list[str]]
 
 
@@ -88,6 +92,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     network_files(config.weights)  # raises where one is missing
     demo.make_data()
     demo.fill_cache()
+    demo.count_points()
     records = {d: demo.evaluate(d) for d in config.object_shifts}
     demo.draw()
     demo.draw_drive()
@@ -141,6 +146,18 @@ class Demo:
         print(describe_device())
         for distance, scenes in self.scenes.items():
             self.cached.fill_all(scenes, f"networks, D = {distance:g} m")
+
+    def count_points(self) -> None:
+        """Counts the labelled boxes, and those of few points, which a detector hardly finds."""
+        scenes = self.scenes[0.0]
+        key = key_of([self.cached.path(scene).name for scene in scenes], FEW_POINTS)
+
+        def make():
+            counts = np.concatenate([_points_of_boxes(scene) for scene in scenes])
+            few = int((counts <= FEW_POINTS).sum())
+            write_json(self.config.out / BOXES, {"labelled": len(counts), "few_points": few})
+
+        self.steps.run("boxes", key, [self.config.out / BOXES], make)
 
     def evaluate(self, distance: float) -> dict[str, Any]:
         """Every tracker on the same boxes: tracker -> its record."""
@@ -236,7 +253,8 @@ class Demo:
         """Writes metrics.json, table.md and index.html; prints the table and the paths."""
         out = self.config.out
         rows = comparison_rows(records, "ours, simulated" if self.simulated else "ours")
-        notes = self._notes()
+        boxes = json.loads((out / BOXES).read_text(encoding="utf-8"))
+        notes = self._notes(boxes)
         table = markdown(HEADER, [cells for _, cells in rows])
         shares = json.loads((out / "sampling.json").read_text(encoding="utf-8"))
         run = provenance(
@@ -250,6 +268,7 @@ class Demo:
         metrics = {
             "run": run,
             "notes": notes,
+            "boxes": boxes,
             "figures": {f"{d:g}": records[d] for d in records},
             "sampled_points_on_vehicles": shares,
         }
@@ -274,7 +293,7 @@ class Demo:
             "sequences": {scene.name: len(scene.frames) for scene in first},
         }
 
-    def _notes(self) -> list[str]:
+    def _notes(self, boxes: Mapping[str, int]) -> list[str]:
         source = (
             "Our rows: simulated traffic that is held out of training"
             if self.simulated
@@ -284,12 +303,21 @@ class Demo:
         return [
             f"{source}: {len(self.seqs)} sequences, {frames} frames. The paper's rows: KITTI's "
             "validation sequences, so they are not comparable with ours.",
+            f"{boxes['few_points']} of the {boxes['labelled']} labelled boxes hold at most "
+            f"{FEW_POINTS} points (D = 0).",
             f"Protocol clear3d, 3-D IoU at least {self.config.iou:g}; boxes of score "
             f"{self.evaluation(0.0).min_box_score:.3g} or more; every tracker gets the same "
             "boxes from the detector. D: objects shifted at random by up to D metres in each "
             "frame. s/frame: networks (the displacement for PointTrackNet alone, pooled features "
             "for DEEP_SORT alone) and tracker, on this machine; the paper's on a GTX 1080 Ti.",
         ]
+
+
+def _points_of_boxes(scene: Scene) -> np.ndarray:
+    """(R,) points in each labelled box of the classes that are evaluated, frame by frame."""
+    objects = scene.objects.of_classes(VEHICLES)
+    counts = [scene.points_in(t, objects.at(t).boxes) for t in scene.frames]
+    return np.concatenate([np.zeros(0, int), *counts])
 
 
 def comparison_rows(records: Mapping[float, Mapping[str, Any]], ours: str) -> list[Row]:

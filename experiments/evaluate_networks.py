@@ -26,7 +26,6 @@ from evaluation.run import evaluate
 from evaluation.scene import Scene
 from evaluation.side_by_side import OURS, SIDE_BY_SIDE, evaluate_cached
 from experiments.runs import make_parser, shown, write
-from kitti.boxes import points_in_boxes
 from kitti.ground import fit_ground
 from kitti.iou import iou_3d
 from kitti.objects import VEHICLES
@@ -52,9 +51,7 @@ def box_counts(scene: Scene, cached: CachedPredictions, min_score: float) -> dic
     for found in cached.frames(scene):
         boxes = found.boxes[found.scores >= min_score]
         truth = scene.objects.at(found.t).of_classes(VEHICLES).boxes
-        points = scene.points(found.t)
-        owner = np.zeros(0, int) if points is None else points_in_boxes(points, truth)
-        many = np.bincount(owner[owner >= 0], minlength=len(truth)) >= MANY_POINTS
+        many = scene.points_in(found.t, truth) >= MANY_POINTS
         counts["boxes"] += len(truth)
         counts["boxes_50"] += int(many.sum())
         counts["found"] += len(boxes)

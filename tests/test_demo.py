@@ -53,6 +53,9 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     table = (out / "table.md").read_text()
     assert "| PointTrackNet, no probation |" in table and "paper, KITTI" in table
     assert table.splitlines()[4] in printed
+    counts = metrics["boxes"]
+    assert 0 < counts["few_points"] < counts["labelled"] == next(iter(gt))
+    assert f"{counts['few_points']} of the {counts['labelled']} labelled boxes" in table
     for name in ("table.md", "metrics.json", "index.html"):
         assert str(out / name) in printed
     sources = re.findall(r'(?:src|href)="([^"]*)"', (out / "index.html").read_text())

@@ -48,6 +48,7 @@ ROW = tuple(
 TRACKING = "tests/experiments/test_tracking_experiments.py"
 NETWORKS = "tests/experiments/test_network_tables.py"
 ABLATION = "tests/experiments/test_ablation.py"
+CALIBRATION = "tests/training/test_calibrate.py"
 DECODING = "tests/studies/test_decoding_parameters.py"
 MAKE = "tests/test_readme_commands.py::test_make_runs_the_documented_commands"
 
@@ -77,6 +78,7 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "--workdir runs/detector": Here(TRAINING, (*ONE_STEP, *DETECTOR)),
     "--workdir runs/tracker": Here(TRAINING, (*ONE_STEP, *TRACKER)),
     "training.export": Here(TRAINING),
+    "training.calibrate": f"{CALIBRATION}::test_a_scorer_is_fitted_stored_and_used",
     "--tracker.fusion ": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
     "--tracker.fused_features": Here(TRAINING, (*ONE_STEP, "--seqs", "0000", *ROW)),
     '"index": 0': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
@@ -84,7 +86,8 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
     "experiments.table3": f"{ABLATION}::test_tables_share_a_row_and_resume",
     "experiments.table4": f"{ABLATION}::test_tables_share_a_row_and_resume",
-    "experiments.evaluate_networks": Here(KITTI),
+    "experiments.evaluate_networks --data_root KITTI": Here(KITTI),
+    "experiments.evaluate_networks --data_root data/exam2": f"{NETWORKS}::test_networks_run_once",
     "experiments.table5 --data_root KITTI": (
         f"{TRACKING}::test_table5_has_parts_for_both_classes_beside_the_papers_rows"
     ),
