@@ -177,9 +177,13 @@ class LabelBoxesWithPredictedMotion:
 
 
 def with_motion(boxes: FrameDetections, motion: FrameDetections) -> FrameDetections:
-    """The first's boxes with the second's points, displacement and foreground probability."""
+    """The first's boxes with the second's points, displacement, foreground probability and mask.
+
+    Labelled boxes are complete: without a mask, no vehicle is missed in them.
+    """
     return replace(
         boxes,
+        mask=motion.mask if boxes.label_ids is None else None,
         points=motion.points,
         displacement=motion.displacement,
         foreground=motion.foreground,

@@ -36,7 +36,7 @@ from kitti.object_shift import ObjectShift
 from kitti.objects import Objects
 from kitti.tables import sequence_file
 from metrics.comparison import track_scores
-from metrics.protocols import Entry, best_threshold, evaluate_protocol
+from metrics.protocols import Entry, best_threshold, evaluate_protocol, evaluated_types
 from tracking import make_tracker
 
 TRACKS, METRICS = "tracks", "metrics.json"
@@ -183,7 +183,8 @@ def _above_threshold(
     if unscored:
         found = f"sequence {unscored[0]} has none"
         raise InputError(f"--score_threshold: expected scores in the results, {found}")
-    scores = {name: track_scores(rows) for name, rows in results.items()}
+    types = evaluated_types(config.protocols[0], config.classes) if config.protocols else None
+    scores = {name: track_scores(rows, types) for name, rows in results.items()}
     note_low_scores(np.concatenate([*scores.values()]).max(initial=-np.inf), threshold)
     return {n: rows[scores[n] >= threshold] for n, rows in results.items()}, threshold
 

@@ -3,7 +3,7 @@
 Letters: R rows of the truth, S rows of the results, F frames, M and K rows in one frame.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -96,18 +96,31 @@ def rows_by_frame(frame: np.ndarray, num_frames: int) -> list[np.ndarray]:
     return [order[first:last] for first, last in pairwise(edges)]
 
 
-def track_scores(results: Objects) -> np.ndarray:
+def track_scores(results: Objects, classes: Sequence[str] | None = None) -> np.ndarray:
     """(S,) the mean score over the track of each row; a missing score counts as -1.
 
-    A threshold keeps or drops whole tracks, as AB3DMOT's evaluator does.
+    A threshold keeps or drops whole tracks, as AB3DMOT's evaluator does. With `classes`, the mean
+    is over a track's rows of these classes where it has any.
     """
     scores = np.where(np.isnan(results.score), -1.0, results.score)
     _, track = np.unique(results.track_id, return_inverse=True)
-    return mean_per_track(scores, track)
+    means = mean_per_track(scores, track)
+    if classes is None:
+        return means
+    counted = np.isin(results.type, classes)
+    some = np.isin(track, track[counted])
+    return np.where(some, mean_per_track(scores, track, counted), means)
 
 
-def mean_per_track(scores: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """(S,) the mean of `scores` over the rows of each row's track, summed in file order."""
+def mean_per_track(
+    scores: np.ndarray, track: np.ndarray, counted: np.ndarray | None = None
+) -> np.ndarray:
+    """(S,) the mean of `scores` over the rows of each row's track, summed in file order.
+
+    Of the rows `counted` (S,) bool alone, if given; 0 for a track without any.
+    """
     if len(scores) == 0:
         return np.zeros(0)
-    return (np.bincount(track, scores) / np.bincount(track))[track]
+    weights = np.ones(len(scores)) if counted is None else counted.astype(float)
+    count = np.bincount(track, weights)
+    return (np.bincount(track, weights * scores) / np.maximum(count, 1))[track]

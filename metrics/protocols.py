@@ -37,6 +37,11 @@ class Entry:
     truth: Objects
     results: Objects
 
+    def __post_init__(self):
+        for name in ("truth", "results"):
+            rows = getattr(self, name)
+            object.__setattr__(self, name, rows[rows.frame < self.num_frames])
+
 
 class Clear3d:
     """`clear3d` over sequences; both sides are limited to `classes`.
@@ -181,6 +186,18 @@ def best_threshold(
         InputError: as `evaluate_protocol`.
     """
     return sweep(_clear_protocol(name, entries, classes, min_iou).outcomes).best_threshold
+
+
+def evaluated_types(name: str, classes: Sequence[str]) -> tuple[str, ...]:
+    """The classes of the result rows that a protocol evaluates (hota as `kitti2d`).
+
+    Raises:
+        InputError: as `evaluate_protocol`.
+    """
+    if name in CLEAR3D:
+        return tuple(classes)
+    rules = rules_for(name, classes)
+    return (rules.evaluated, *(rules.neighbours if name == "kitti3d" else ()))
 
 
 def _clear_protocol(

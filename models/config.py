@@ -55,6 +55,11 @@ class SetUpconvConfig:
     widths: tuple[int, ...] = _between(1, MAX_WIDTH)
     num_neighbors: int = _between(1, MAX_NEIGHBORS, 8)  # FlowNet3D
 
+    def __post_init__(self):
+        if len(self.widths) < 2:
+            found = f"found {' '.join(map(str, self.widths))}"
+            raise InputError(f"set_upconv: expected two or more widths of a layer, {found}")
+
 
 def _sa(num_points: int, radius: float, *widths: int) -> SetAbstractionConfig:
     return SetAbstractionConfig(num_points, radius, widths)

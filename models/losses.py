@@ -9,12 +9,15 @@ divided by `normalizer` where one is given: the shards of a joint batch add up t
 
 import tensorflow as tf
 
+LEAST = 1e-12
+
 
 def focal_loss(logits: tf.Tensor, labels: tf.Tensor, gamma: float) -> tf.Tensor:
     """Equation (4): logits (..., C), labels (...) int -> (...) -(1 - p_t)^gamma log(p_t)."""
     log_p = tf.nn.log_softmax(logits)
     log_pt = tf.gather(log_p, labels, batch_dims=labels.shape.rank)
-    return -tf.pow(1.0 - tf.exp(log_pt), gamma) * log_pt
+    wrong = tf.maximum(-tf.math.expm1(log_pt), LEAST)  # 1 - p_t, above 0 for the gradient
+    return -tf.pow(wrong, gamma) * log_pt
 
 
 def huber(error: tf.Tensor) -> tf.Tensor:

@@ -41,7 +41,7 @@ def misses(
         inside = points_in_boxes(frame.clusters.proposals.boxes[:, :3], box[None]) == 0
         rows.append(
             {
-                "drive": frame.drive,
+                "drive": "/".join(Path(frame.drive).parts[-2:]),
                 "frame": frame.t,
                 "range": float(np.hypot(box[0], box[1])),
                 "length": float(box[3]),

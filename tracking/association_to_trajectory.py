@@ -159,8 +159,8 @@ class AssociationToTrajectory:
         lost = [track for track in self.life.tracks if track.detection < 0]
         matched = [track for track in self.life.tracks if track.detection >= 0]
         both = (np.array([t.state.box for t in part]).reshape(-1, 7) for part in (lost, matched))
-        merged = set()
-        for row, column in greedy(-iou_3d(*both), -least).pairs:
+        iou, merged = iou_3d(*both), set()
+        for row, column in greedy(np.where(iou > least, -iou, np.inf), 0.0).pairs:
             track, other = lost[row], matched[column]
             if track.hits > other.hits:  # it takes the detection over
                 track.state = other.state

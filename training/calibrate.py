@@ -24,7 +24,7 @@ from metrics.scored_boxes import best_threshold
 from models.boxes.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
-from training.scoring.box_candidates import CandidateFinder
+from training.scoring.box_candidates import CandidateFinder, drive_of
 from training.scoring.score_fit import (
     RIGHT_IOU,
     Domain,
@@ -71,6 +71,19 @@ def _open(roots: Sequence[str], seqs: str | None = None) -> list[KittiSequence]:
     ]
 
 
+def _names(sequences: Sequence[KittiSequence]) -> list[str]:
+    return sorted(f"{s.data_root.resolve().name}/{s.name}" for s in sequences)
+
+
+def _check_exam(exam: Sequence[KittiSequence], fitted: Sequence[KittiSequence]) -> None:
+    """Raises InputError where a sequence of the exam is also fitted on."""
+    used = {drive_of(sequence) for sequence in fitted}
+    for sequence in exam:
+        if drive_of(sequence) in used:
+            found = f"found {sequence.name} of {sequence.data_root} in both"
+            raise InputError(f"--exam_root: expected drives that are not fitted on, {found}")
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs the detector, chooses the penalty, fits, measures, writes."""
     flags = make_parser().parse_args(argv)
@@ -78,13 +91,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     roots = {kind: found for kind, found in roots.items() if found}
     if not roots:
         raise InputError("expected --real_root or --simulated_root")
+    if flags.folds < 2:
+        raise InputError(f"--folds: expected at least 2, found {flags.folds}")
     if flags.exam_seqs and not flags.exam_root:
         raise InputError("--exam_seqs: expected --exam_root with it")
     seqs = {"real": flags.real_seqs, "simulated": flags.simulated_seqs}
     opened = {kind: _open(found, seqs[kind]) for kind, found in roots.items()}
-    for sequence in (s for found in opened.values() for s in found):
-        check_points(sequence)
     exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []
+    _check_exam(exam, [s for found in opened.values() for s in found])
+    for sequence in (s for found in (*opened.values(), exam) for s in found):
+        check_points(sequence)
     detector = load_detector(flags.weights / "detector.npz")
     finder = CandidateFinder(detector, DecodingConfig(), flags.max_points)
     domains = []
@@ -106,7 +122,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         parts["exam"] = report(frames, scores, min_score)
     draw(parts, flags.out / "reliability.png")
     chosen = {"penalty": penalty._asdict(), "log_loss": losses, "min_score": min_score}
-    data = {k: sorted({f.drive for f in d.frames}) for k, d in zip(roots, domains, strict=True)}
+    data = {kind: _names(found) for kind, found in opened.items()}
+    if exam:
+        data["exam"] = _names(exam)
     write_json(
         flags.out / "calibration.json",
         {"run": provenance(data=data, chosen=chosen), "figures": parts},

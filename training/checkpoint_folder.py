@@ -6,6 +6,9 @@ from typing import Any
 
 from models import checkpoint
 
+CHECKPOINTS = "checkpoints"
+"""The folder of the checkpoints in a workdir."""
+
 
 class CheckpointFolder:
     """step-00000123.npz for the last `keep` checkpoints, and best.npz."""

@@ -67,6 +67,7 @@ def train(flags, make_task, config, picture=None) -> int:
     import tensorflow as tf
 
     from tf_ops.devices import describe_device
+    from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
     from training.loop import TrainingDivergedError, run_training
     from training.run_state import prepare_workdir
     from training.strategies import make_strategy, seed_everything
@@ -91,7 +92,7 @@ def train(flags, make_task, config, picture=None) -> int:
     check_objects(data, run.task.samples.classes)
     replicas = strategy.num_replicas_in_sync
     check_memory(config.schedule.batch_size // replicas, run.task.samples.num_points)
-    if flags.init and not flags.resume:
+    if flags.init and not CheckpointFolder(workdir / CHECKPOINTS, 1).steps():
         with strategy.scope():
             start_from(flags.init, run)
     try:

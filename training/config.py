@@ -82,7 +82,9 @@ class ScheduleConfig:
     clip_norm: float = note(10.0, "largest global norm of the gradients; our choice", MIN_STEP, 1e6)
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
     keep_checkpoints: int = note(3, "number of last checkpoints that are kept besides the best", 1)
-    validation_frames: int = note(64, "samples of a validation after each epoch; 0: all")
+    validation_frames: int = note(
+        64, "samples of each data root in the validation after an epoch; 0: all"
+    )
     seed: int = note(0, "of initial weights, order, sampling and augmentation", 0, 2**32 - 1)
 
     def __post_init__(self):

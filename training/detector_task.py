@@ -1,5 +1,6 @@
 """Detector training: samples, losses, validation metrics."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +55,8 @@ class DetectorTask:
         self.meta = {"network": to_dict(config.detector)}
         self.auxiliary: dict = {}
         self.samples = DetectorSamples(sequences, config, config.augmentation)
-        self.validation_samples = DetectorSamples(validation, config, no_augmentation())
+        everywhere = replace(config, query_points=0)  # those of training are chosen by the labels
+        self.validation_samples = DetectorSamples(validation, everywhere, no_augmentation())
         self.loss_weights = to_dict(config.loss)
         self.decoding = DecodingConfig()
 

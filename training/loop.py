@@ -7,7 +7,7 @@ import tensorflow as tf
 
 from common.files import write_json
 from common.progress import Progress
-from training.checkpoint_folder import CheckpointFolder
+from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
 from training.logs import History, TensorBoard
 from training.run_state import keep_best, prepare_workdir, resume_run, save_checkpoint
 from training.sampling.pipeline import dataset, micro_batches
@@ -34,7 +34,7 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
     workdir, schedule = run.workdir, run.task.schedule
     if run.chief:
         prepare_workdir(workdir, resume)
-    folder = CheckpointFolder(workdir / "checkpoints", schedule.keep_checkpoints)
+    folder = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints)
     step = resume_run(run, folder) if resume else 0
     if run.chief and not resume:
         write_json(workdir / "config.json", run.started)
@@ -64,8 +64,8 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
         if run.picture is not None and run.task.validation_samples.items:
             board.picture(step, "birds_eye", run.picture(run.task))
         _report(metrics)
-        save_checkpoint(run, folder, step, metrics)
         keep_best(run, folder, history, metrics)
+        save_checkpoint(run, folder, step, metrics)  # last: a kill before it repeats all of these
     return metrics
 
 
@@ -140,7 +140,8 @@ def _epoch(
             unread.append(train_step(next(batches), step < run.frozen_from))
             step += 1
             now = time.monotonic()
-            save = run.chief and now - saved > 60 * schedule.checkpoint_minutes
+            # the last step of an epoch is saved after its validation
+            save = run.chief and step < end and now - saved > 60 * schedule.checkpoint_minutes
             if not (save or step == end or now - read > READ_SECONDS):
                 continue  # reading waits for the device
             for i, terms in enumerate(unread, step - len(unread)):

@@ -146,14 +146,17 @@ def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool
 
 
 def _check_data(values: dict[str, str]) -> None:
-    """Raises InputError where a sequence of --labels or --scans is missing."""
+    """Raises InputError where a sequence of --labels or --scans is missing, or too few validate."""
     for seqs, root in (
         ("label_seqs", "labels"),
         ("scan_seqs", "scans"),
         ("scan_val_seqs", "scans"),
     ):
         if root in values:
-            open_sequences(values[root], sequence_numbers(values[root], values[seqs]))
+            found = open_sequences(values[root], sequence_numbers(values[root], values[seqs]))
+            if seqs == "scan_val_seqs" and len(found) < 2:
+                expected = "expected two or more drives, over which the calibration is validated"
+                raise InputError(f"--scan_val_seqs: {expected}, found {values[seqs]}")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -165,10 +168,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     add("--labels", metavar="DIR", help="KITTI root whose labels drive simulated traffic")
     add("--label_seqs", default="0000-0015", metavar="SEQS", help="of --labels")
     add("--scans", metavar="DIR", help="KITTI root with real labelled scans")
-    add(
-        "--scan_seqs", default="0001-0010,0012-0015", metavar="SEQS", help="of --scans, to train on"
-    )
-    add("--scan_val_seqs", default="0011", metavar="SEQS", help="to validate on")
+    text = "of --scans, to train on"
+    add("--scan_seqs", default="0001-0009,0012-0015", metavar="SEQS", help=text)
+    text = "of --scans, to validate and calibrate on: two drives or more"
+    add("--scan_val_seqs", default="0010,0011", metavar="SEQS", help=text)
     add("--allow_changes", action="store_true", help="although the tree differs from its commit")
     add("--list", action="store_true", help="print the commands, run none")
     flags = parser.parse_args(argv)

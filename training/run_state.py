@@ -69,6 +69,9 @@ def resume_run(run: TrainingRun, folder: CheckpointFolder) -> int:
     if meta["config"] != to_dict(run.task.config):
         changed = _changes(meta["config"], to_dict(run.task.config))
         raise InputError(f"was made with another configuration: {changed}", path)
+    for name, value in run.task.meta.items():
+        if meta.get(name) != value:
+            raise InputError(f"was made with another {name}: {meta.get(name)} -> {value}", path)
     if _sampled(meta["record"]) != _sampled(run.started):
         raise InputError("was made with other training sequences or shares", path)
     with run.strategy.scope():

@@ -21,8 +21,9 @@ def validate(run: TrainingRun) -> dict[str, float]:
         name: float(np.mean([metrics[name] for metrics in found.values() if name in metrics]))
         for name in names
     }
+    short = [Path(root).name for root in found]
     return means | {
-        f"{Path(root).name}/{name}": value
+        f"{Path(root).name if short.count(Path(root).name) == 1 else root}/{name}": value
         for root, metrics in found.items()
         for name, value in metrics.items()
     }

@@ -15,6 +15,7 @@ from evaluation.detections import (
     LabelBoxes,
     LabelBoxesWithPredictedMotion,
     NetworkDetections,
+    with_motion,
 )
 from evaluation.network_cache import CachedPredictions
 from evaluation.scene import Scene
@@ -176,3 +177,12 @@ def test_labelled_boxes_come_with_the_predicted_motion(scene):
     first, _, third, *_ = provider.frames(scene)
     assert (len(first), len(third), third.types.tolist()) == (0, 1, ["Pedestrian"])
     assert first.points is None and (third.displacement == 2).all()
+
+
+@pytest.mark.parametrize("ids", [None, np.array([4])])
+def test_boxes_of_files_have_the_networks_mask_and_labelled_ones_none(ids):
+    box, points = np.array([[10.0, 0, 0, 4, 2, 1.5, 0]]), np.ones((2, 3))
+    motion = FrameDetections(1, box, [0.5], points=points, displacement=points, mask=points)
+    found = with_motion(FrameDetections(1, box, [0.9], label_ids=ids), motion)
+    assert found.scores.tolist() == [0.9] and (found.displacement == 1).all()
+    assert (found.mask is None) == (ids is not None)

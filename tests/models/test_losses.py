@@ -23,10 +23,11 @@ def test_focal_loss_with_gamma_0_is_cross_entropy():
     np.testing.assert_allclose(losses.focal_loss(logits, labels, 0.0), expected, rtol=1e-5)
 
 
-def test_focal_loss_is_finite_where_the_network_is_sure():
+@pytest.mark.parametrize("gamma", [0.0, 0.5, 1.0, 2.0])
+def test_focal_loss_is_finite_where_the_network_is_sure(gamma):
     logits = tf.Variable([[100.0, -100.0]])
     with tf.GradientTape() as tape:
-        loss = tf.reduce_sum(losses.focal_loss(logits, tf.constant([0]), 2.0))
+        loss = tf.reduce_sum(losses.focal_loss(logits, tf.constant([0]), gamma))
     assert float(loss) == 0.0
     assert np.isfinite(tape.gradient(loss, logits)).all()
 

@@ -13,8 +13,9 @@ from helpers.network_cases import (
     tracker_with,
 )
 
+from common.errors import InputError
 from models.boxes.box_coding import head_channels
-from models.config import DetectorConfig, TrackerConfig
+from models.config import DetectorConfig, SetUpconvConfig, TrackerConfig
 from models.detector import Detector, detector_inputs
 from models.tracker import TrackingNetwork
 from training.tracker_task import other_frames
@@ -201,3 +202,8 @@ def test_any_batch_size_in_one_graph():
 
     for batch, count in ((1, 128), (3, 128), (2, 77)):
         assert graph(cloud(batch, count)).shape[:2] == (batch, count)
+
+
+def test_a_set_upconv_layer_has_two_widths():
+    with pytest.raises(InputError, match="expected two or more widths of a layer, found 128"):
+        SetUpconvConfig(radius=1.0, widths=(128,))

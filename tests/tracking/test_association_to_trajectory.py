@@ -83,8 +83,15 @@ def test_the_matched_track_goes_on_where_it_is_the_older_one():
     assert [track.id for track in tracker.life.tracks] == [0]
 
 
-def test_a_lost_neighbour_is_no_duplicate():
-    tracker = make_tracker("pointtracknet_no_probation", lost_frames=0)
+@pytest.mark.parametrize("least", [0.7, 0.0])
+def test_a_lost_neighbour_is_no_duplicate(least):
+    """Two cars of IoU 3 / 5, and of 0 where any overlap makes a duplicate."""
+    tracker = make_tracker("pointtracknet_no_probation", lost_frames=0, duplicate_iou=least)
+    if least == 0:
+        step(tracker, cars(0.0, 8.0))
+        step(tracker, cars(0.0))
+        assert [track.id for track in tracker.life.tracks] == [0, 1]
+        return
     step(tracker, cars(0.0, 1.0))  # IoU 3 / 5
     step(tracker, cars(0.0))
     assert [track.id for track in tracker.life.tracks] == [0, 1]

@@ -38,13 +38,15 @@ def test_a_scorer_is_fitted_stored_and_used(folder, monkeypatch, capsys):
     choose = functools.partial(score_fit.choose_penalty, grid=SMALL_GRID)
     monkeypatch.setattr(calibrate, "choose_penalty", choose)
     out = folder / "out"
-    data = ("--real_root", folder / "data", "--exam_root", folder / "data", "--exam_seqs", "0001")
+    data = ("--real_root", folder / "data", "--real_seqs", "0000,0002")
+    data += ("--exam_root", folder / "data", "--exam_seqs", "0001")
     run(folder, *data, "--views", 2, "--out", out)
     record = json.loads((out / "calibration.json").read_text())
     assert (out / "reliability.png").read_bytes()[:4] == b"\x89PNG"
     assert set(record["figures"]) == {"real", "exam"}
     found = record["figures"]["real"]
-    assert found["frames"] == 2 * 6 and found["boxes"] >= found["right"]
+    assert record["run"]["data"] == {"real": ["data/0000", "data/0002"], "exam": ["data/0001"]}
+    assert found["frames"] == 2 * 4 and found["boxes"] >= found["right"]
     assert sum(row[0] for row in found["reliability"]) == found["boxes"]
     assert 0 <= found["IoU 0.5"]["after"]["all"] <= 1
     scorer = load_networks(folder / "weights")[2]
@@ -87,6 +89,11 @@ def test_a_found_vehicle_is_no_miss():
         ([], "expected --real_root or --simulated_root"),
         (["--real_root", "{data}", "--exam_seqs", "0000"], "expected --exam_root"),
         (["--real_root", "{data}/none"], "none"),
+        (["--real_root", "{data}", "--folds", "1"], "--folds: expected at least 2, found 1"),
+        (
+            ["--real_root", "{data}", "--exam_root", "{data}/../data", "--exam_seqs", "0001"],
+            "not fitted on, found 0001 of .* in both",
+        ),
     ],
 )
 def test_bad_flags(folder, words, message):

@@ -119,6 +119,13 @@ def test_missing_data_are_noticed_before_anything_runs(tmp_path, monkeypatch, fl
         recipe.main([*words, "--label_seqs", "all", "--scan_seqs", "all"])
 
 
+def test_one_drive_cannot_calibrate(tiny_data, monkeypatch):
+    monkeypatch.setattr(recipe, "make_weights", lambda *_: pytest.fail("too late"))
+    words = ["--scans", str(tiny_data), "--scan_seqs", "0000", "--scan_val_seqs", "0001"]
+    with pytest.raises(InputError, match="--scan_val_seqs: expected two or more drives"):
+        recipe.main(words)
+
+
 def test_a_begun_training_resumes(tmp_path):
     stage = Stage("train", ("train_det.py",), tmp_path)
     assert stage.arguments() == ["train_det.py"]

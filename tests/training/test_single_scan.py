@@ -41,6 +41,18 @@ def test_single_scans_are_those_without_a_neighbour(sequences):
     assert pair_list(sequences, single_scans=True) == [(0, 3), (0, 0), (0, 5)]
 
 
+def test_a_scan_before_a_half_sequence_is_no_neighbour(tmp_path):
+    """Frames 3 to 5 of a sequence: scan 2 is there, and belongs to the other half."""
+    root = write_sequence(tmp_path, frames=6, missing=(1, 4))
+    seqmap = root / "training" / "evaluate_tracking.seqmap.training"
+    seqmap.write_text("0000 empty 000003 000005\n")
+    augmentation = dataclasses.replace(no_augmentation(), single_scan_pairs=True)
+    config = TrackerTrainingConfig(augmentation=augmentation)
+    samples = PairSamples(open_sequences(root, [0]), config, SMALL_DETECTOR, augmentation)
+    assert samples.items == [(0, 3), (0, 5)]
+    assert (samples(0, 0).foreground[0] == 1).any()  # a half of scan 3 with its labels
+
+
 def test_ego_motion_drives_on_and_then_turns():
     left = ego_motion(1.5, np.pi / 2)  # points ahead are to the right afterwards
     np.testing.assert_allclose(left @ [5, 0, 0.3, 1], [0, -3.5, 0.3, 1], atol=1e-12)

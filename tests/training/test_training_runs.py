@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 import tensorflow as tf
 from campaigns.kill import ENVIRONMENT
+from helpers.config_flags import config_flags
 from helpers.network_cases import SMALL_DETECTOR
 
 import train_det
 import train_track
 from common.errors import InputError
+from common.files import write_json
 from common.flags import run as run_script
 from common.provenance import ROOT
 from kitti.sequence import open_sequences
@@ -353,3 +355,60 @@ def test_defaults_are_the_papers():
     assert (schedule.cycle_epochs, schedule.beta1, schedule.beta2) == (8, 0.9, 0.999)
     assert schedule.epsilon == 1e-8
     assert AugmentationConfig().object_shift == 2.0
+
+
+def test_validation_looks_at_every_point(tiny_data, tmp_path):
+    """The query points of a training are chosen by the labels."""
+    run = detector_run(tiny_data, tmp_path, SHORT, query_points=60)
+    assert len(run.task.samples(0, 0).query) == 60
+    sample = run.task.validation_samples(0, 0)
+    np.testing.assert_array_equal(sample.query, sample.points)
+
+
+def test_resumed_before_the_first_checkpoint_starts_from_init(tiny_data, tmp_path, monkeypatch):
+    """--init with --resume, of a training that was killed before it wrote a checkpoint."""
+    trained = detector_run(tiny_data, tmp_path / "trained", SHORT)
+    path, workdir = tmp_path / "trained.npz", tmp_path / "workdir"
+    checkpoint.save(path, {"kind": "detector", "config": {}}, **trained.networks)
+    words = ["--data_root", tiny_data, "--seqs", "0000", "--val_data_root", tiny_data]
+    words += ["--val_seqs", "0001", "--workdir", workdir, "--init", path, "--smoke"]
+    words = [str(word) for word in (*words, *config_flags(SMALL_DETECTOR, "detector"))]
+    seen = []
+
+    def killed(run, resume):
+        variables = checkpoint.named_variables(run.task.model)
+        seen.append({name: variable.numpy() for name, variable in variables.items()})
+        if not resume:
+            write_json(workdir / "config.json", {})
+
+    monkeypatch.setattr(loop, "run_training", killed)
+    train_det.main(words)
+    train_det.main([*words, "--resume"])
+    for name, variable in checkpoint.named_variables(trained.task.model).items():
+        for found in seen:
+            np.testing.assert_array_equal(found[name], variable, err_msg=name)
+    (workdir / "checkpoints" / "step-00000001.npz").parent.mkdir()
+    (workdir / "checkpoints" / "step-00000001.npz").touch()
+    train_det.main([*words, "--resume"])  # now the checkpoint decides
+    assert any(np.any(seen[2][name] != seen[0][name]) for name in seen[0])
+
+
+def test_a_tracker_does_not_resume_on_another_detector(tiny_data, tmp_path):
+    run = detector_run(tiny_data, tmp_path, SHORT)
+    loop.run_training(run)
+    again = detector_run(tiny_data, tmp_path, SHORT)
+    again.task.meta = {**again.task.meta, "detector_sha256": "another"}
+    with pytest.raises(InputError, match=r"another detector_sha256: None -> another"):
+        loop.run_training(again, resume=True)
+
+
+def test_a_kill_in_the_last_validation_repeats_it(tiny_data, tmp_path, monkeypatch):
+    schedule = dataclasses.replace(SHORT, checkpoint_minutes=0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(loop, "validate", lambda _: pytest.exit("killed"))
+        with pytest.raises(pytest.exit.Exception):
+            loop.run_training(detector_run(tiny_data, tmp_path, schedule))
+    found = loop.run_training(detector_run(tiny_data, tmp_path, schedule), resume=True)
+    assert "box_f1_0.5" in found
+    assert (tmp_path / "checkpoints" / "best.npz").exists()
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2

@@ -1,10 +1,12 @@
-"""Figures of validation that nothing defines are left out and do not select a network."""
+"""Figures of validation: those that nothing defines, and those of several data roots."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import tensorflow as tf
 
+from common.notes import note
+from training import validation
 from training.config import TrackerTrainingConfig
 from training.logs import History
 from training.run_state import keep_best
@@ -24,6 +26,7 @@ def test_without_foreground_its_error_is_left_out():
 
 def test_an_epoch_without_the_figure_does_not_select_a_network(tmp_path, capfd):
     """Neither before nor after the history was read again."""
+    note.cache_clear()  # another training in this process may have printed it
     task = SimpleNamespace(
         best_metric="epe_foreground",
         best_is_largest=False,
@@ -46,3 +49,10 @@ def test_an_epoch_without_the_figure_does_not_select_a_network(tmp_path, capfd):
     lines = (tmp_path / "history.csv").read_text().splitlines()
     assert lines[0] == "epoch,step,epe_foreground"
     assert lines[1:4] == ["1,1,nan", "2,2,0.4", "3,3,nan"]
+
+
+def test_data_roots_of_one_name_have_a_column_each(monkeypatch):
+    roots = ["a/val", "b/val", "c/other"]
+    run = SimpleNamespace(task=SimpleNamespace(validation_samples=SimpleNamespace(roots=roots)))
+    monkeypatch.setattr(validation, "_validate_items", lambda _, items: {"f1": float(items[0])})
+    assert validation.validate(run) == {"f1": 1.0, "a/val/f1": 0, "b/val/f1": 1, "other/f1": 2}

@@ -91,7 +91,8 @@ class PairSamples(FrameItems):
         rng = np.random.default_rng([self.seed, position])
         sequence, t = self.items[index]
         current = self.frame(index)
-        if self.sequences[sequence].has_scan(t - 1):
+        there = self.sequences[sequence]
+        if t - 1 in there.frames and there.has_scan(t - 1):
             previous = self.reader.read(sequence, t - 1)
         else:
             previous, current = split_scan(current, rng)

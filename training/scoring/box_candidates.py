@@ -11,7 +11,6 @@ import numpy as np
 from common.progress import progress
 from kitti.boxes import points_in_boxes, project_boxes
 from kitti.iou import iou_3d
-from kitti.objects import VEHICLES
 from kitti.sequence import KittiSequence
 from metrics.kitti_rules import boxes_in_dontcare
 from models.boxes.box_decoding import Clusters, cluster
@@ -39,7 +38,7 @@ class Candidates:
         iou: (V, K) with the labelled vehicles.
         points: (V,) points of the scan inside each vehicle.
         ignorable: (K,) bool, most of the projected box lies in a DontCare region.
-        truth: (V, 7) level boxes of the vehicles.
+        truth: (V, 7) level boxes of the vehicles, objects of the detector's classes.
         foreground: (V,) mean foreground probability of the points inside, NaN without any.
     """
 
@@ -66,6 +65,11 @@ class Candidates:
         return right
 
 
+def drive_of(sequence: KittiSequence) -> str:
+    """Data root and sequence, unlike those of every other."""
+    return f"{sequence.data_root.resolve()}/{sequence.name}"
+
+
 class CandidateFinder:
     """The detector and the decoding, compiled once.
 
@@ -85,7 +89,8 @@ class CandidateFinder:
         view: chooses the sampled points with t; odd ones are mirrored left to right.
         """
         points, objects = sequence.read_points_level(t)[:, :3], sequence.objects.at(t)
-        truth, regions = objects.of_classes(VEHICLES).boxes, objects.of_classes(("DontCare",)).bbox
+        truth = objects.of_classes(self.detector.config.box.classes).boxes
+        regions = objects.of_classes(("DontCare",)).bbox
         if view % 2:
             points, truth = MIRRORED.points(points), MIRRORED.boxes(truth)
         rng = np.random.default_rng([view, t])
@@ -95,7 +100,7 @@ class CandidateFinder:
         boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
         projected = np.nan_to_num(project_boxes(boxes, sequence.calib, sequence.image_size))
         return Candidates(
-            drive=f"{sequence.data_root.resolve().name}/{sequence.name}",
+            drive=drive_of(sequence),
             t=t,
             clusters=clusters,
             features=cluster_features(clusters, xyz[0], likely) if len(boxes) else {},
