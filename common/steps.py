@@ -22,11 +22,14 @@ class Steps:
     def run(self, name: str, key: str, outputs: Sequence[Path], make: Callable[[], object]) -> bool:
         """Calls `make` unless the step was done under the same key and its outputs exist.
 
-        Returns whether `make` was called. If it raises, the step counts as not done.
+        Returns whether `make` was called. If it raises or is killed, the step counts as not done,
+        under a former key too, whose outputs it may have replaced.
         """
         done = self._read()
         if done.get(name) == key and all(path.exists() for path in outputs):
             return False
+        if done.pop(name, None) is not None:
+            write_json(self.path, done)
         make()
         write_json(self.path, {**self._read(), name: key})
         return True

@@ -77,7 +77,7 @@ class BirdsEye:
     def _handles(self) -> list:
         one = not callable(self.color)
         color, name = (FOUND, "with ids") if one else ("0.2", "one colour per id")
-        handles = _handles(color, f"PointTrackNet, {name}", self.trail, "-", 1.2)
+        handles = _handles(color, f"tracks, {name}", self.trail, "-", 1.2)
         if len(self.clip.truth):
             handles += _handles(TRUTH, "truth", self.trail, ":", 2.2)
         return handles

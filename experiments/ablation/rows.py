@@ -32,6 +32,7 @@ from experiments.ablation.table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
+from models.boxes.box_score import FILE_NAME as SCORER
 from models.config import TrackerConfig
 from training.config import AugmentationConfig, ScheduleConfig, TrackerTrainingConfig
 from training.sampling.data import TrainingData, add_data_flags, open_data
@@ -142,10 +143,14 @@ def check_settings(
     shared = to_dict(config)
     for name in TABLE_FIELDS:
         del shared["tracker"][name]
+    scorer = args.weights / SCORER  # of the boxes; perhaps none
     settings = {
         "config": shared,
         "data": data.record(),
         "detector_sha256": hashlib.sha256((args.weights / "detector.npz").read_bytes()).hexdigest(),
+        "scorer_sha256": hashlib.sha256(
+            scorer.read_bytes() if scorer.is_file() else b""
+        ).hexdigest(),
     }
     path = args.workdir / "settings.json"
     if path.is_file():
@@ -197,7 +202,7 @@ def measure_row(
         schedule=replace(config.schedule, seed=seed),
     )
     checkpoint = train_row(own, folder, args, config, data)
-    metrics = evaluate_row(checkpoint, own, folder, args)
+    metrics = evaluate_row(checkpoint, folder, args)
     write_json(path, metrics)
     keras.utils.clear_session()  # graphs of this row
     gc.collect()
@@ -241,9 +246,7 @@ def train_row(
     return checkpoints.path(checkpoints.steps()[-1])
 
 
-def evaluate_row(
-    checkpoint: Path, own: TrackerTrainingConfig, folder: Path, args: argparse.Namespace
-) -> list[dict[str, Any]]:
+def evaluate_row(checkpoint: Path, folder: Path, args: argparse.Namespace) -> list[dict[str, Any]]:
     """`clear3d` and end-point error for each kind of boxes and displacement."""
     from experiments.ablation.stored_frames import StoredDetections, store_frames
     from models.boxes.box_score import load_scorer

@@ -32,6 +32,20 @@ def test_a_failed_step_is_not_done(tmp_path):
     assert steps.run("a", "1", [], lambda: None)
 
 
+def test_an_interrupted_step_is_not_done_under_its_former_key(tmp_path):
+    """It may have replaced a part of the outputs."""
+    steps, output = Steps(tmp_path), tmp_path / "out.txt"
+
+    def interrupted():
+        output.write_text("half of 2")
+        raise KeyboardInterrupt
+
+    steps.run("a", "1", [output], lambda: output.write_text("1"))
+    with pytest.raises(KeyboardInterrupt):
+        steps.run("a", "2", [output], interrupted)
+    assert steps.run("a", "1", [output], lambda: output.write_text("1"))
+
+
 def test_a_spoilt_memory_counts_as_none(tmp_path):
     (tmp_path / "steps.json").write_text("{")
     assert Steps(tmp_path).run("a", "1", [], lambda: None)

@@ -188,6 +188,41 @@ def test_an_unreadable_record_names_the_command(record, tmp_path):
         loading.check_version(path)
 
 
+MANY_THREADS = """
+import sys
+
+import numpy as np
+import tensorflow as tf
+
+import tf_ops
+
+tf.config.threading.set_intra_op_parallelism_threads(int(sys.argv[1]))
+cloud = np.random.default_rng(0).uniform(0, 9, (1, 2048, 3)).astype(np.float32)
+sampled = tf_ops.farthest_point_sample(512, cloud)
+ball, _ = tf_ops.query_ball_point(1.0, 32, cloud, cloud)
+print(int(tf.reduce_sum(sampled)), int(tf.reduce_sum(ball)))
+"""
+
+
+def test_more_threads_than_leaves_of_a_tree():
+    """The two samplings and searches of a single small cloud, with many threads."""
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", MANY_THREADS, str(threads)],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for threads in (1, 70)
+    ]
+    try:
+        one, many = (run.communicate(timeout=120)[0] for run in runs)
+    finally:
+        for run in runs:
+            run.kill()
+    assert one == many != ""
+
+
 def test_another_tensorflow_names_the_command(tmp_path):
     path = tmp_path / "libtf_ops.json"
     path.write_text(json.dumps({"tensorflow": "2.0.0"}))

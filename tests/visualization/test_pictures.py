@@ -80,7 +80,7 @@ def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
     assert len(found_trails.get_segments()[0]) == FRAMES
     assert [text.get_text() for text in panel.texts] == ["0", "1", "2"]
     way = "its trail over the last 3 s"
-    assert _legend(figure) == ["PointTrackNet, with ids", way, "truth", way]
+    assert _legend(figure) == ["tracks, with ids", way, "truth", way]
     path = save(figure, tmp_path / "a.png")
     assert np.asarray(Image.open(path).convert("L")).std() > 1
 

@@ -82,13 +82,16 @@ class KdTree {
     int64_t begin, end;
   };
 
-  // Halves ranges until there are enough for all threads, then builds each to its leaves.
+  // Halves ranges until there are enough for all threads or each is a leaf, then builds each to its
+  // leaves.
   void arrange(const Parallel& parallel) {
     PointArrays scratch(points_.blocks * kWidth);
     std::vector<Range> ranges = {{0, leaves_}};
     const int64_t wanted = parallel.threads > 1 && leaves_ >= 64 ? 2 * parallel.threads : 1;
     for (size_t i = 0; i < ranges.size(); ++i) {
-      while ((ranges[i].end - ranges[i].begin) * wanted > leaves_) {
+      for (;;) {
+        const int64_t leaves = ranges[i].end - ranges[i].begin;
+        if (leaves == 1 || leaves * wanted <= leaves_) break;
         ranges.push_back(split(&ranges[i], scratch));
       }
     }

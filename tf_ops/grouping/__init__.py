@@ -67,8 +67,8 @@ def group_point(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
         (B, M, K, C), of the type of points.
 
     Raises:
-        InvalidArgumentError: an index out of range, or a wrong shape. (On a GPU rows of an index
-            out of range are 0, as tf.gather defines it.)
+        InvalidArgumentError: an index out of range, or a wrong shape. (On a GPU an index
+            out of range is not noticed; its rows are those of another cloud, or 0.)
     """
     if not fused_ops():
         return gather_rows(points, idx)

@@ -86,7 +86,7 @@ void check_neighbours(const Found& f, Clouds points, Clouds queries, const char*
 }  // namespace
 
 void clouds(const Sets& sets, uint32_t seed) {
-  for (const int64_t size : {1, 15, 16, 33, 300, 1100}) {
+  for (const int64_t size : {1, 15, 16, 33, 300, 1100, 2048}) {
     for (const Kind kind : {Kind::random, Kind::lattice, Kind::huge}) {
       for (const int64_t batch : {1, 3}) {
         const auto a = cloud(batch * size, kind, seed);
@@ -95,8 +95,10 @@ void clouds(const Sets& sets, uint32_t seed) {
         const Found first = run_all(*sets[0], points, queries, ptn::serial());
         check_neighbours(first, points, queries, sets[0]->name);
         for (const Kernels* set : sets) {
-          const Found found = run_all(*set, points, queries, real_threads(3));
-          expect(found == first, set->name, "an op", size);
+          for (const int threads : {3, 70}) {  // 70: more than the leaves of a tree
+            const Found found = run_all(*set, points, queries, real_threads(threads));
+            expect(found == first, set->name, "an op", size);
+          }
         }
       }
     }

@@ -128,7 +128,7 @@ function buildTimeline() {
   window.addEventListener("resize", drawStrips);
   drawStrips();
   document.addEventListener("keydown", (event) => {
-    if (event.target.matches("select, input[type=range]")) return;
+    if (event.target.matches("select, input, button, summary")) return;
     if (event.key === " ") play(!playing);
     else if (event.key === "ArrowRight") show(state.frame + 1);
     else if (event.key === "ArrowLeft") show(state.frame - 1);
