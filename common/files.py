@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -80,6 +81,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def is_temporary(path: Path) -> bool:
+    """Whether a name is one of `atomic_path`'s: what a kill leaves of a file that was begun."""
+    return re.fullmatch(r"\..{0,40}-[a-z0-9_]{8}(\.[^.]*)?", path.name) is not None
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

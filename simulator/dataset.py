@@ -8,7 +8,7 @@ from typing import Any
 
 from common.config import parse_json
 from common.errors import InputError
-from common.files import write_bytes, write_json
+from common.files import is_temporary, write_bytes, write_json
 from common.progress import Progress
 from kitti.seqmap import sequence_name, write_seqmap
 from simulator.plan import Plan, label_path, part_path, scan_path
@@ -29,6 +29,7 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
     state = _state(root, manifest)
     if state.get("complete") and not _missing(plan, root):
         return False
+    _remove_begun_files(root)
     write_json(root / MANIFEST, {**manifest, "complete": False})
     jobs = _jobs(plan, root)
     total = sum(plan.frames.values())
@@ -50,7 +51,9 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
 def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
     """The manifest in `root` if it describes the same data set; {} in an empty or new folder."""
     path = root / MANIFEST
-    if not root.exists() or (root.is_dir() and not any(root.iterdir())):
+    if not root.exists():
+        return {}
+    if root.is_dir() and all(_is_begun_manifest(entry) for entry in root.iterdir()):
         return {}
     if not path.is_file():
         raise InputError(f"is not empty and has no {MANIFEST}; choose another folder", root)
@@ -63,6 +66,17 @@ def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
             f"holds another data set (differs in {', '.join(other)}); choose another folder", path
         )
     return found
+
+
+def _is_begun_manifest(path: Path) -> bool:
+    return is_temporary(path) and path.name.startswith(f".{Path(MANIFEST).stem}-")
+
+
+def _remove_begun_files(root: Path) -> None:
+    """Removes what a kill left of files that were being written."""
+    for path in root.rglob(".*"):
+        if is_temporary(path):
+            path.unlink(missing_ok=True)
 
 
 def _missing(plan: Plan, root: Path) -> bool:

@@ -4,6 +4,7 @@ Every frame's bytes depend on (seed, sequence, frame) alone, so the result depen
 number of processes nor on interruptions.
 """
 
+import contextlib
 import json
 import multiprocessing
 import os
@@ -29,6 +30,20 @@ Job = tuple[int, list[int]]
 _stop: Event | None = None  # in each worker: set when the run is interrupted
 
 
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes that are started in this block have one thread each: they share the cores."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    before = {name: os.environ[name] for name in names if name in os.environ}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name in names:
+            os.environ.pop(name, None)
+        os.environ.update(before)
+
+
 def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterator[None]:
     """Runs the jobs; yields at intervals for a progress display.
 
@@ -40,13 +55,14 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
                 _work(plan, root, seq, frames[first : first + 10])
                 yield
         return
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"  # the processes share the cores; their matrices are small
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
-    with ProcessPoolExecutor(
-        processes, mp_context=context, initializer=_begin, initargs=(stop,)
-    ) as pool:
+    with (
+        _one_thread_each(),
+        ProcessPoolExecutor(
+            processes, mp_context=context, initializer=_begin, initargs=(stop,)
+        ) as pool,
+    ):
         waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
         try:
             while waiting:

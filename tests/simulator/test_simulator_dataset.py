@@ -103,9 +103,17 @@ def test_an_interrupted_run_resumes(again, made, tmp_path):
     kept = scans[0].stat().st_mtime_ns
     scans[1].unlink()
     (out / "training/label_02/0016.txt").unlink()
+    begun = scans[0].with_name(".000001-abc_1234.bin")  # as a kill leaves it
+    begun.touch()
     assert run(main, replayed(out, made, "--processes", "1")) == 0
-    assert scans[0].stat().st_mtime_ns == kept
+    assert scans[0].stat().st_mtime_ns == kept and not begun.exists()
     assert files(out) == files(again)
+
+
+def test_a_run_that_was_killed_at_its_first_file_begins_again(again, made, tmp_path):
+    (tmp_path / ".manifest-0a1b2c3d.json").touch()
+    assert run(main, replayed(tmp_path, made, "--processes", "1")) == 0
+    assert files(tmp_path) == files(again)
 
 
 def test_own_traffic_gives_the_same_bytes_again(made, tmp_path):

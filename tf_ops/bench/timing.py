@@ -8,11 +8,12 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tf_ops.bench.cases import Case
+if TYPE_CHECKING:
+    from tf_ops.bench.cases import Case  # its peers are packages of the benchmark alone
 
 WARM_UP = 2
 LONG_S = 1.0  # a peer is called a second time unless the first call takes longer
@@ -45,7 +46,7 @@ def probe(peer: Callable[[], object]) -> float:
     return first if first > LONG_S else min(first, seconds(peer))
 
 
-def measure(case: Case, calls: int) -> dict[str, Any]:
+def measure(case: "Case", calls: int) -> dict[str, Any]:
     """One row of the table: median times in milliseconds, and their ratio to the best peer's."""
     for _ in range(WARM_UP):
         case.ours()
