@@ -12,7 +12,7 @@ import numpy as np
 from simulator.bodies.convex import FAR
 
 BOX, CYLINDER, ELLIPSOID = 0, 1, 2
-REACH = 85.0  # metres; shapes beyond are skipped
+REACH = 85.0  # metres; rays that enter a shape beyond it miss
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def cast_static(world: StaticWorld, columns: Columns, rng) -> StaticHits:
         if not len(chosen):
             continue
         enter, leave, cos, shape, column = cast(chosen, columns)  # (B, J) ... (J,)
-        row, pair = np.nonzero((enter < leave) & (leave < REACH))
+        row, pair = np.nonzero((enter < leave) & (enter < REACH))
         distance, shape = enter[row, pair], chosen[shape[pair]]
         free_path = shape[:, 9]
         soft = free_path > 0

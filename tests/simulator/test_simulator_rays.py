@@ -168,6 +168,16 @@ def test_static_cylinder_and_nearest_wins(columns):
     assert np.abs(points[~near, 0] - 29.5).max() < 0.01
 
 
+def test_static_shapes_may_end_beyond_the_reach(columns):
+    world = StaticWorld()
+    world.add_box(80, 0, 0, 20, 40, -2, 20, 0.5)
+    world.add_cylinder(80, 30, 10, -2, 20, 0.5)
+    distance = cast_static(world, columns, np.random.default_rng(0)).distance
+    points = flat_points(columns, distance)[distance < FAR]
+    assert np.abs(points[np.abs(points[:, 1]) < 20, 0] - 70).max() < 0.01
+    assert (np.abs(points[:, 1]) < 20).sum() > 1000 and (points[:, 1] > 22).sum() > 300
+
+
 def test_soft_shapes_return_from_inside(columns):
     world = StaticWorld()
     world.add_box(15, 0, 0, 6, 6, -1, 3, 0.5, free_path=1.0)
