@@ -24,7 +24,7 @@ class SensorConfig:
     mount_height: float = 1.73  # above the ground, Geiger et al., IJRR 2013
     camera_height: float = 1.65  # above the ground, same source
     view_half_angle_deg: float = 42.5  # the view of camera 2 is +-41 degrees
-    view_beams: int = 48  # lower ones are outside the camera's view (47 rings in real scans)
+    view_nearest: float = 2.0  # the camera's view holds the beams that it sees from here on
     max_range: float = 79.0  # farthest points of the real scans; S2 manual: 120 m at high albedo
     min_range: float = 0.9
     range_noise: float = 0.018  # < 2 cm, S2 manual

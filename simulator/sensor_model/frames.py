@@ -35,7 +35,8 @@ def take_sweep(
 
     ego_velocity: (vx, vy, yaw rate) of the car in its own frame; used with motion_distortion.
     """
-    rays = _rays(calib, options.full, ego_velocity if options.motion_distortion else None)
+    velocity = ego_velocity if options.motion_distortion else None
+    rays = _rays(calib, image_size, options.full, velocity)
     result = sweep(scene, rays, np.random.default_rng(seed))
     if options.full:
         return result
@@ -44,8 +45,13 @@ def take_sweep(
 
 
 @lru_cache(maxsize=4)
-def _rays(calib: Calibration, full: bool, velocity: tuple[float, float, float] | None) -> Rays:
-    return make_rays(calib, full=full, velocity=velocity)
+def _rays(
+    calib: Calibration,
+    image_size: tuple[int, int],
+    full: bool,
+    velocity: tuple[float, float, float] | None,
+) -> Rays:
+    return make_rays(calib, image_size, full=full, velocity=velocity)
 
 
 def ego_velocity(poses: np.ndarray, frame: int, period_s: float) -> tuple[float, float, float]:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kitti.boxes import IMAGE_SIZE
 from kitti.calibration import Calibration
+from kitti.camera_view import in_camera_view
 from simulator.config import SENSOR
 
 
@@ -36,7 +38,13 @@ def beam_table() -> tuple[np.ndarray, np.ndarray]:
     return np.radians(np.concatenate(elevation)), np.concatenate(heights)
 
 
-def make_rays(calib: Calibration, *, full: bool = False, velocity=None) -> Rays:
+def make_rays(
+    calib: Calibration,
+    image_size: tuple[int, int] = IMAGE_SIZE,
+    *,
+    full: bool = False,
+    velocity=None,
+) -> Rays:
     """Rays of one sweep in the camera's view, or of 360 degrees with `full`.
 
     velocity: None for a scan corrected for the car's motion, as KITTI's are; else (vx, vy, yaw
@@ -49,16 +57,12 @@ def make_rays(calib: Calibration, *, full: bool = False, velocity=None) -> Rays:
     step = np.radians(2 * half / count if full else SENSOR.azimuth_step_deg)
     azimuth = (np.arange(count) - (count - 1) / 2) * step
     if not full:
-        elevation, height = elevation[: SENSOR.view_beams], height[: SENSOR.view_beams]
+        beams = _beams_in_view(azimuth, elevation, height, calib, image_size)
+        elevation, height = elevation[:beams], height[:beams]
     beams = len(elevation)
     # Lasers fire in sequence, so rings are shifted against each other within a step.
     shift = ((np.arange(beams) * 0.618034) % 1.0 - 0.5) * step
-    angle = azimuth[None, :] + shift[:, None]
-    cos_el = np.cos(elevation)[:, None]
-    direction = np.stack(
-        [cos_el * np.cos(angle), cos_el * np.sin(angle),
-         np.broadcast_to(np.sin(elevation)[:, None], angle.shape)], axis=-1
-    )  # fmt: skip
+    direction = _directions(azimuth[None, :] + shift[:, None], elevation)
     origin = np.zeros_like(direction)
     origin[..., 2] = height[:, None]
     # The head turns clockwise seen from above: it passes the left side first.
@@ -78,6 +82,25 @@ def make_rays(calib: Calibration, *, full: bool = False, velocity=None) -> Rays:
         direction=(moved_direction @ rotation).astype(np.float32),
         time=time,
     )
+
+
+def _directions(angle, elevation) -> np.ndarray:
+    """Unit vectors (B, C, 3) from azimuths (B, C) or (1, C) and elevations (B,)."""
+    up = elevation[:, None]
+    parts = (np.cos(up) * np.cos(angle), np.cos(up) * np.sin(angle), np.sin(up))
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def _beams_in_view(azimuth, elevation, height, calib: Calibration, image_size) -> int:
+    """Number of beams down to the last with a point in the image, `view_nearest` away.
+
+    The camera is below the lasers and ahead of them, so farther points need no more beams.
+    """
+    points = SENSOR.view_nearest * _directions(azimuth[None, :], elevation)
+    points[..., 2] += height[:, None]
+    level = calib.velo_to_level(points.reshape(-1, 3))
+    seen = in_camera_view(level, calib, image_size).reshape(points.shape[:2])
+    return int(np.flatnonzero(seen.any(axis=1)).max(initial=0)) + 1
 
 
 def _moved(origin, direction, velocity, time):

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from kitti.calibration import LEVEL_FROM_CAMERA, Calibration
+from kitti.camera_view import in_camera_view
 from simulator.bodies.convex import FAR, intersect
 from simulator.bodies.parts import block, bounding_ball, column, wheel
 from simulator.config import SENSOR
+from simulator.drives.drive import make_calibration
 from simulator.sensor_model.sensor import beam_table, make_rays
 from simulator.world.static import StaticWorld, cast_static, make_columns
 from simulator.world.terrain import Terrain
@@ -195,6 +197,19 @@ def test_beams_are_as_documented(calib):
     rays = make_rays(calib, full=True)
     assert rays.direction.shape == (64, round(360 / SENSOR.azimuth_step_deg), 3)
     np.testing.assert_allclose(np.linalg.norm(rays.direction, axis=-1), 1, atol=1e-6)
+
+
+def test_the_view_has_every_beam_that_the_camera_sees():
+    numbers = set()
+    for seed in range(12):
+        calib = make_calibration(np.random.default_rng(seed))
+        every, view = make_rays(calib, full=True), make_rays(calib)
+        for distance in (2.0, 4.0, 20.0):
+            points = (every.origin + distance * every.direction).reshape(-1, 3)
+            seen = in_camera_view(points, calib).reshape(64, -1).any(axis=1)
+            assert np.flatnonzero(seen).max() < len(view.elevation)
+        numbers.add(len(view.elevation))
+    assert min(numbers) >= 45 and max(numbers) <= 56 and len(numbers) > 1
 
 
 def test_motion_moves_the_origin_along_the_way(calib):
