@@ -118,13 +118,10 @@ def cast_body(body: Body, origin, direction, rng) -> BodyHits:
     part = shell.argmin(axis=1)
     rows = np.arange(len(part))
     outline = shell[rows, part]
-    entry = face[rows, part]
     reflectivity = body.reflectivity[part].copy()
     met = outline < FAR
     result = outline.copy()
-    cosine = np.abs(np.einsum("ij,ij->i", body.planes[part, entry, :3], direction))
-    cosine **= 1 + body.gloss[part]
-    glass = met & body.glass[part, entry]
+    glass = met & body.glass[part, face[rows, part]]
     if glass.any():
         index = np.flatnonzero(glass)
         points = origin[index] + direction[index] * outline[index, None]
@@ -141,6 +138,9 @@ def cast_body(body: Body, origin, direction, rng) -> BodyHits:
         result[index[seen]] = depth[seen]
         result[index[gone]] = FAR
         reflectivity[index[seen & kept]] = body.reflectivity[seat[seen & kept]]
+        part[index[seen]] = seat[seen]
+    cosine = np.abs(np.einsum("ij,ij->i", body.planes[part, face[rows, part], :3], direction))
+    cosine **= 1 + body.gloss[part]
     return BodyHits(outline, result, reflectivity, cosine)
 
 

@@ -5,6 +5,8 @@ import pytest
 
 from simulator.bodies.convex import FAR, cast_body
 from simulator.bodies.kitti_types import draw_size, make_body
+from simulator.bodies.parts import Part, assemble, block, side_planes
+from simulator.bodies.vehicles import CLOTH
 from simulator.config import SIZES
 
 KINDS = {
@@ -66,6 +68,21 @@ def test_cars_have_bonnet_and_glass():
     swallowed = (hits.distance < FAR) & (hits.reflectivity == 0)
     through = (hits.outline < FAR) & (hits.distance == FAR)
     assert swallowed.sum() > 500 and through.sum() > 100
+
+
+def test_seats_behind_glass_have_their_own_incidence():
+    lean = np.pi / 3
+    pane = [[np.sin(lean), 0, np.cos(lean), 1.0], [-1, 0, 0, 3.0], [0, 0, -1, 1.5]]
+    cabin = Part(np.vstack([pane, side_planes(2.0)]), 0.5, gloss=3.0, glass=(0,))
+    body = assemble([cabin, Part(block((-1, 0, 0), (1, 2, 2)), CLOTH, interior=True)])
+    origin = np.tile(np.float32([10, 0, 0]), (2000, 1))
+    direction = np.tile(np.float32([-1, 0, 0]), (2000, 1))
+    hits = cast_body(body, origin, direction, np.random.default_rng(0))
+    inside = (hits.distance > hits.outline) & (hits.distance < FAR)
+    assert inside.sum() > 500
+    np.testing.assert_allclose(hits.distance[inside], 10.5)
+    np.testing.assert_allclose(hits.cosine[inside], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(hits.cosine[~inside], np.sin(lean) ** 4, rtol=1e-5)
 
 
 def test_a_seed_makes_one_body():
