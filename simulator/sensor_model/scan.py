@@ -66,7 +66,8 @@ def sweep(scene: Scene, rays: Rays, rng) -> Sweep:
     seen = np.zeros(len(scene.boxes), np.int64)
     outlines = []
     for index, (box, body) in enumerate(zip(scene.boxes, scene.bodies, strict=True)):
-        window = _window(box, rays)
+        velocity = 0.0 if scene.velocities is None else np.linalg.norm(scene.velocities[index])
+        window = _window(box, rays, velocity)
         if window is None:
             continue
         hits, where = _cast(scene, index, box, body, rays, window, rng)
@@ -86,12 +87,17 @@ def sweep(scene: Scene, rays: Rays, rng) -> Sweep:
     return _measure(rays, distance, reflectivity, cosine, owner, (total, seen), rng)
 
 
-def _window(box, rays: Rays) -> tuple[slice, slice] | None:
-    """Beams and columns that may meet `box`, from its grown corners; None if there are none."""
+def _window(box, rays: Rays, speed: float) -> tuple[slice, slice] | None:
+    """Beams and columns that may meet `box`, from its grown corners; None if there are none.
+
+    speed: of the box, m/s. The box grows by the ways of the sensor and of itself in the sweep.
+    """
+    starts = rays.origin[0]
+    origin = starts[len(starts) // 2]
+    moved = np.hypot(*(starts - origin)[:, :2].T).max() + speed * np.abs(rays.time).max()
     grown = np.array(box, np.float64)
-    grown[3:6] += (0.1, 0.3, 0.1)
+    grown[3:6] += np.array([0.1, 0.3, 0.1]) + 2 * moved
     corners = box_corners(grown[None])[0]
-    origin = rays.origin[0, 0]
     # The level frame is the velodyne frame up to small rotations: corners are looked up among
     # the rays' own angles in the level frame.
     away = corners - origin

@@ -1,5 +1,7 @@
 """Labels from rays and projection, and occlusion in a sweep."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from kitti.boxes import IMAGE_SIZE, points_in_boxes
 from simulator.annotate import label_frame, occlusion_state, truncation_share
 from simulator.bodies.kitti_types import make_body
 from simulator.drives.drive import make_calibration
+from simulator.sensor_model import scan
 from simulator.sensor_model.frames import Options, take_sweep
 from simulator.sensor_model.scan import Scene
 from simulator.world.static import StaticWorld
@@ -67,6 +70,21 @@ def test_a_car_hides_the_car_behind(calib):
     result = take_sweep(scene([car(10, 0, 0), car(18, 0, 0)]), calib, IMAGE_SIZE, Options(), (1,))
     assert result.seen[0] > 0.95 * result.rays[0]
     assert result.seen[1] < 0.5 * result.rays[1]
+
+
+@pytest.mark.parametrize("options", [Options(), Options(full=True), Options(True, True)])
+def test_no_ray_on_a_vehicle_is_left_out(calib, monkeypatch, options):
+    boxes = [car(5, 3), car(9, -3.5, 0), car(1, 3, 0), car(-6, -3, 1.5), car(25, 2), car(-14, 4)]
+    boxes.append([0, -5, 0.15, 15.0, 2.4, 3.6, 0.0])
+    moving = scene(boxes)
+    if options.motion_distortion:
+        speeds = np.array([[-12, 0, 0], [10, 0, 0], [-14, 1, 0], [0, 5, 0], [20, 0, 0]])
+        moving = replace(moving, velocities=np.vstack([speeds, [[-15, 0, 0], [3, 0, 0]]]))
+    args = (moving, calib, IMAGE_SIZE, options, (1,), (14.0, 0.0, 0.5))
+    found = take_sweep(*args).rays
+    monkeypatch.setattr(scan, "_window", lambda *_: (slice(0, 64), slice(0, 10**6)))
+    np.testing.assert_array_equal(found, take_sweep(*args).rays)
+    assert found.max() > 3000
 
 
 def test_truncation_share(calib):
