@@ -126,14 +126,15 @@ def van(size, rng) -> Body:
     hull = np.vstack([profile_planes(cabin), sides, corners])
     front = np.vstack([profile_planes(bonnet), sides, corners])
     windows = rng.random() < 0.65  # minibus with windows all along, or delivery van
-    rear = -half + 0.3 if windows else screen - 1.1
+    rear = -half if windows else screen - 1.1
     panes = (1, 6, 7, 3) if windows else (1, 6, 7)
     parts = [color.part(hull, panes), color.part(front)]
     seat = block((screen - 0.9, 0, low + 0.45 * height), (0.7, width - 0.5, 0.5 * height), 0.8)
     parts.append(Part(seat, CLOTH, interior=True))
     parts += _wheels(half, side, low, 0.33)
     parts += _mirrors(screen - 0.1, width / 2, low + 0.6 * height)
-    pane = Pane(x=(rear, half), z=(low + 0.57 * height, top - 0.14), pillars=(screen - 1.1, 0.0))
+    pillars = (screen - 1.1, 0.0, -half + 0.3)
+    pane = Pane(x=(rear, half), z=(low + 0.57 * height, top - 0.14), pillars=pillars)
     return assemble(parts, pane)
 
 

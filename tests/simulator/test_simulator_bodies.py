@@ -70,6 +70,20 @@ def test_cars_have_bonnet_and_glass():
     assert swallowed.sum() > 500 and through.sum() > 100
 
 
+def test_minibuses_have_rear_windows_and_delivery_vans_none():
+    size = np.array(KINDS["Van"])
+    origin = np.tile(np.float32([-20, 0, 0.27 * size[2]]), (4000, 1))
+    direction = np.tile(np.float32([1, 0, 0]), (4000, 1))
+    shares = []
+    for seed in range(12):
+        body = make_body("Van", size, (seed,))
+        hits = cast_body(body, origin, direction, np.random.default_rng(0))
+        shares.append((hits.reflectivity == 0).mean())
+    shares = np.array(shares)
+    assert set(shares > 0) == {True, False}
+    assert shares[shares > 0].min() > 0.5
+
+
 def test_seats_behind_glass_have_their_own_incidence():
     lean = np.pi / 3
     pane = [[np.sin(lean), 0, np.cos(lean), 1.0], [-1, 0, 0, 3.0], [0, 0, -1, 1.5]]
