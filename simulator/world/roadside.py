@@ -179,9 +179,15 @@ def _facades(site: Site, line: Line, setting: Setting, rng) -> None:
                     low = site.ground(center)
                     top = low + rng.uniform(*setting.facade_height)
                     color = rng.uniform(0.3, 0.7)
-                    site.world.add_box(*center, yaw, length, depth, low - 2, top, color, windows=1)
+                    _house(site, center, yaw, (length, depth), top, color)
                     break
         s += length + (0.5 if rng.random() < setting.facade else rng.uniform(2, 9))
+
+
+def _house(site: Site, center, yaw, size, top, color) -> None:
+    """Adds a box with windows that reaches into the ground; `size` is its length and depth."""
+    low = site.ground(center)
+    site.world.add_box(*center, yaw, *size, low - 2, top, color, street=low)
 
 
 def _backdrop(site: Site, line: Line, offset: float, share: float, rng) -> None:
@@ -195,9 +201,7 @@ def _backdrop(site: Site, line: Line, offset: float, share: float, rng) -> None:
                 if site.place(center, yaw, length, 8.0):
                     low = site.ground(center)
                     top = low + rng.uniform(5, 11)
-                    site.world.add_box(
-                        *center, yaw, length, 8.0, low - 2, top, rng.uniform(0.3, 0.7), windows=1
-                    )
+                    _house(site, center, yaw, (length, 8.0), top, rng.uniform(0.3, 0.7))
             elif site.place(center, yaw, 3.0, 3.0):
                 tree(site, center, rng)
                 low = site.ground(center)

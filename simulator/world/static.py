@@ -47,24 +47,27 @@ def make_columns(origin, direction) -> Columns:
 @dataclass
 class StaticWorld:
     """Shapes as rows: kind, x, y, yaw, half length, half width, z low, z high, reflectivity,
-    free path (metres a ray travels inside on average before it returns; 0 solid), windows."""
+    free path (metres a ray travels inside on average before it returns; 0 solid), street (height
+    of the ground from which storeys with windows are counted; NaN: no windows)."""
 
     rows: list[tuple] = field(default_factory=list)
     _table: np.ndarray | None = None
 
-    def add_box(self, x, y, yaw, length, width, low, high, reflectivity, free_path=0.0, windows=0):
+    def add_box(
+        self, x, y, yaw, length, width, low, high, reflectivity, free_path=0.0, street=np.nan
+    ):
         """Adds an upright box; lengths in metres."""
-        row = (BOX, x, y, yaw, length / 2, width / 2, low, high, reflectivity, free_path, windows)
+        row = (BOX, x, y, yaw, length / 2, width / 2, low, high, reflectivity, free_path, street)
         self.rows.append(row)
 
     def add_cylinder(self, x, y, radius, low, high, reflectivity, free_path=0.0):
         """Adds an upright cylinder."""
-        row = (CYLINDER, x, y, 0, radius, radius, low, high, reflectivity, free_path, 0)
+        row = (CYLINDER, x, y, 0, radius, radius, low, high, reflectivity, free_path, np.nan)
         self.rows.append(row)
 
     def add_ellipsoid(self, x, y, radius, low, high, reflectivity, free_path=0.0):
         """Adds an ellipsoid of revolution about the vertical."""
-        row = (ELLIPSOID, x, y, 0, radius, radius, low, high, reflectivity, free_path, 0)
+        row = (ELLIPSOID, x, y, 0, radius, radius, low, high, reflectivity, free_path, np.nan)
         self.rows.append(row)
 
     def table(self) -> np.ndarray:
@@ -179,5 +182,6 @@ def _in_window(shape, columns: Columns, column, distance, z) -> np.ndarray:
     place = columns.origin[column] + columns.heading[column] * distance[:, None] - shape[:, 1:3]
     cos, sin = np.cos(shape[:, 3]), np.sin(shape[:, 3])
     across = np.abs(cos * place[:, 0] + sin * place[:, 1])
-    storey = (z - shape[:, 6]) % 3.0
-    return (shape[:, 10] > 0) & (across % 3.0 < 1.3) & (storey > 1.2) & (storey < 2.5)
+    up = z - shape[:, 10]
+    storey = up % 3.0
+    return (up > 0) & (across % 3.0 < 1.3) & (storey > 1.2) & (storey < 2.5)

@@ -10,6 +10,8 @@ from simulator.bodies.parts import block, bounding_ball, column, wheel
 from simulator.config import SENSOR
 from simulator.drives.drive import make_calibration
 from simulator.sensor_model.sensor import beam_table, make_rays
+from simulator.world.grid import Grid
+from simulator.world.roadside import SETTINGS, Site, furnish
 from simulator.world.static import StaticWorld, cast_static, make_columns
 from simulator.world.terrain import Terrain
 
@@ -178,6 +180,20 @@ def test_static_shapes_may_end_beyond_the_reach(columns):
     points = flat_points(columns, distance)[distance < FAR]
     assert np.abs(points[np.abs(points[:, 1]) < 20, 0] - 70).max() < 0.01
     assert (np.abs(points[:, 1]) < 20).sum() > 1000 and (points[:, 1] > 22).sum() > 300
+
+
+def test_windows_are_counted_from_the_street(columns):
+    samples = np.array([[x, y, 0.4] for x in range(-20, 100, 5) for y in range(-50, 51, 5)])
+    terrain = Terrain(samples, np.ones(len(samples)), (-20, -50), (100, 50), kerb=0.0)
+    site = Site(StaticWorld(), terrain, Grid((-20, -50), (100, 50), 0.5, bool))
+    path = np.column_stack([np.arange(0.0, 60.0), np.zeros(60)])
+    furnish(site, path, 4.0, SETTINGS["city"], np.random.default_rng(0))
+    houses = StaticWorld([row for row in site.world.rows if np.isfinite(row[10])])
+    hits = cast_static(houses, columns, np.random.default_rng(0))
+    panes = (hits.distance < FAR) & (hits.reflectivity == 0)
+    height = flat_points(columns, hits.distance)[panes][:, 2] - 0.4
+    assert panes.sum() > 1000
+    assert height.min() > 1.1 and (np.abs(height % 3.0 - 1.85) < 0.75).all()
 
 
 def test_soft_shapes_return_from_inside(columns):
