@@ -1,3 +1,3 @@
 """A LiDAR simulator of KITTI's sensor and scenes that writes the KITTI tracking format."""
 
-VERSION = 2  # of the simulation: data sets of another version are not reused
+VERSION = 3  # of the simulation: data sets of another version are not reused
