@@ -1,10 +1,12 @@
 """Command line: `python -m simulator --out DIR ...`; see --help and this folder's README."""
 
 import argparse
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
+from common.files import read_bytes
 from common.flags import ArgumentParser, finite_float, non_negative_int, positive_int, run
 from kitti.labels import MAX_FRAMES
 from kitti.seqmap import parse_sequences
@@ -63,7 +65,8 @@ def _label_plan(flags, options: Options) -> Plan:
     frames = {sequence.seq: sequence.num_frames for sequence in sequences}
     if flags.frames is not None:
         frames = {seq: min(count, flags.frames) for seq, count in frames.items()}
-    spec = {"from_labels": str(flags.from_labels)}
+    files = {key: value for sequence in sequences for key, value in _digests(sequence).items()}
+    spec = {"from_labels": str(flags.from_labels), "files": files}
     return Plan("labels", spec, flags.seed, frames, options)
 
 
@@ -73,6 +76,17 @@ def _check(sequence: KittiSequence) -> None:
     if sequence.frames.start:
         begins = f"sequence {sequence.name} begins at frame {sequence.frames.start} by its seqmap"
         raise InputError(f"--from_labels: {begins}, expected 0", sequence.data_root)
+
+
+def _digests(sequence: KittiSequence) -> dict[str, str]:
+    """Digests of the files of a sequence that its replay depends on."""
+    paths = {"label_02": sequence.label_path, "calib": sequence.calib_path}
+    if sequence.has_poses:
+        paths["poses"] = sequence.poses_path
+    return {
+        f"{folder}/{sequence.name}": hashlib.blake2b(read_bytes(path), digest_size=16).hexdigest()
+        for folder, path in paths.items()
+    }
 
 
 def _own_plan(flags, options: Options) -> Plan:

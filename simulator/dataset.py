@@ -10,7 +10,7 @@ from common.config import parse_json
 from common.errors import InputError
 from common.files import is_temporary, write_bytes, write_json
 from common.progress import Progress
-from kitti.seqmap import sequence_name, write_seqmap
+from kitti.seqmap import SEQMAP, sequence_name, write_seqmap
 from simulator.plan import Plan, label_path, part_path, scan_path
 from simulator.pool import run_jobs
 
@@ -83,11 +83,11 @@ def _missing(plan: Plan, root: Path) -> bool:
     scans = (
         scan_path(root, seq, frame) for seq, count in plan.frames.items() for frame in range(count)
     )
-    texts = (
-        root / "training" / folder / f"{sequence_name(seq)}.txt"
-        for seq in plan.frames
-        for folder in ("label_02", "calib", "oxts")
-    )
+    texts = [root / "training" / f"{SEQMAP}.training"]
+    for seq in plan.frames:
+        folders = ["training/label_02", "training/calib", "training/oxts"]
+        folders += ["poses"] if plan.has_poses(seq) else []
+        texts += [root / folder / f"{sequence_name(seq)}.txt" for folder in folders]
     return not all(path.is_file() for path in (*scans, *texts))
 
 

@@ -42,6 +42,10 @@ class Plan:
     frames: dict[int, int]
     options: Options
 
+    def has_poses(self, seq: int) -> bool:
+        """Whether the data set has poses of a sequence: replays only where their source has."""
+        return self.driver != "labels" or f"poses/{sequence_name(seq)}" in self.spec["files"]
+
     def manifest(self) -> dict[str, Any]:
         """Identity of the data set: the same manifest gives the same bytes."""
         return {

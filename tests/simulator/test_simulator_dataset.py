@@ -154,6 +154,38 @@ def test_a_source_with_a_fault_is_refused_before_anything_is_written(tmp_path, k
     assert not out.exists()
 
 
+@pytest.mark.parametrize("file", ["training/label_02", "training/calib", "poses"])
+def test_a_replay_of_a_changed_source_is_another_data_set(file, tmp_path, kitti_copy, capsys):
+    flags = replayed(tmp_path / "x", kitti_copy, "--frames", "1", "--processes", "1")
+    assert run(main, flags) == 0
+    path = kitti_copy / file / "0016.txt"
+    text = path.read_text().rstrip()
+    path.write_text(text[:-1] + ("2" if text[-1] == "1" else "1") + "\n")
+    capsys.readouterr()
+    assert run(main, flags) == 2
+    assert "another data set (differs in spec)" in capsys.readouterr().err
+    path.unlink()
+    assert run(main, flags) == 2
+
+
+@pytest.mark.parametrize(
+    "file",
+    ["poses/0016.txt", "training/oxts/0016.txt", "training/evaluate_tracking.seqmap.training"],
+)
+def test_a_lost_file_is_made_again(file, again, made):
+    before = files(again)
+    (again / file).unlink()
+    assert run(main, replayed(again, made, "--processes", "1")) == 0
+    assert files(again) == before
+
+
+def test_a_replay_without_poses_is_complete_without_them(tmp_path, kitti_copy, capsys):
+    (kitti_copy / "poses" / "0016.txt").unlink()
+    flags = replayed(tmp_path / "x", kitti_copy, "--frames", "1", "--processes", "1")
+    assert run(main, flags) == 0 and run(main, flags) == 0
+    assert "already there" in capsys.readouterr().out
+
+
 def test_packed_labels_are_replayed(tmp_path, kitti_copy, again):
     labels = kitti_copy / "training" / "label_02" / "0016.txt"
     labels.with_name("0016.txt.gz").write_bytes(gzip.compress(labels.read_bytes()))
