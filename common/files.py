@@ -83,9 +83,13 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def is_temporary(path: Path) -> bool:
-    """Whether a name is one of `atomic_path`'s: what a kill leaves of a file that was begun."""
-    return re.fullmatch(r"\..{0,40}-[a-z0-9_]{8}(\.[^.]*)?", path.name) is not None
+def temporary_of(path: Path) -> str | None:
+    """The name of the file that `path` was to become; None unless `atomic_path` named it.
+
+    A killed process leaves such files. Only 40 characters before the suffix are known.
+    """
+    found = re.fullmatch(r"\.(.{1,40})-[a-z0-9_]{8}(\.[^.]+)?", path.name)
+    return found and found[1] + (found[2] or "")
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

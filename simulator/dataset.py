@@ -2,19 +2,21 @@
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
 from common.config import parse_json
 from common.errors import InputError
-from common.files import is_temporary, write_bytes, write_json
+from common.files import temporary_of, write_bytes, write_json
 from common.progress import Progress
 from kitti.seqmap import SEQMAP, sequence_name, write_seqmap
 from simulator.plan import Plan, label_path, part_path, scan_path
 from simulator.pool import run_jobs
 
 MANIFEST = "manifest.json"
+OWN_NAMES = rf"{re.escape(MANIFEST)}|{re.escape(SEQMAP)}\.training|\d{{4}}\.txt|\d{{6}}\.(bin|txt)"
 STRETCH = 200  # most frames of a job; each process builds the worlds of its jobs
 
 
@@ -29,7 +31,7 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
     state = _state(root, manifest)
     if state.get("complete") and not _missing(plan, root):
         return False
-    _remove_begun_files(root)
+    _remove_leftovers(root)
     write_json(root / MANIFEST, {**manifest, "complete": False})
     jobs = _jobs(plan, root)
     total = sum(plan.frames.values())
@@ -49,11 +51,14 @@ def make_dataset(plan: Plan, root: str | Path, processes: int | None = None) -> 
 
 
 def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
-    """The manifest in `root` if it describes the same data set; {} in an empty or new folder."""
+    """The manifest in `root` if it describes the same data set; {} in an empty or new folder.
+
+    A folder in which a first run was killed before it had its manifest counts as empty.
+    """
     path = root / MANIFEST
     if not root.exists():
         return {}
-    if root.is_dir() and all(_is_begun_manifest(entry) for entry in root.iterdir()):
+    if root.is_dir() and all(temporary_of(each) == MANIFEST for each in root.iterdir()):
         return {}
     if not path.is_file():
         raise InputError(f"is not empty and has no {MANIFEST}; choose another folder", root)
@@ -68,15 +73,12 @@ def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _is_begun_manifest(path: Path) -> bool:
-    return is_temporary(path) and path.name.startswith(f".{Path(MANIFEST).stem}-")
-
-
-def _remove_begun_files(root: Path) -> None:
-    """Removes what a kill left of files that were being written."""
+def _remove_leftovers(root: Path) -> None:
+    """Removes the temporary files of the data set that a killed run left."""
     for path in root.rglob(".*"):
-        if is_temporary(path):
-            path.unlink(missing_ok=True)
+        name = temporary_of(path)
+        if name is not None and re.fullmatch(OWN_NAMES, name, re.ASCII) and path.is_file():
+            path.unlink()
 
 
 def _missing(plan: Plan, root: Path) -> bool:

@@ -10,7 +10,15 @@ import sys
 import pytest
 
 from common.errors import InputError
-from common.files import atomic_path, locked, read_bytes, write_bytes, write_json, write_text
+from common.files import (
+    atomic_path,
+    locked,
+    read_bytes,
+    temporary_of,
+    write_bytes,
+    write_json,
+    write_text,
+)
 
 
 def test_writes_text_bytes_and_json(tmp_path):
@@ -111,3 +119,12 @@ def test_a_lock_is_held_against_another_process_until_its_end(tmp_path):
         other.kill()
     with locked(path, wait=False) as held:
         assert held
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "000012.bin", "a-b.seqmap.training", "plain"])
+def test_temporary_files_are_known_by_their_names(tmp_path, name):
+    with atomic_path(tmp_path / name) as temporary:
+        assert temporary_of(temporary) == name
+    assert temporary_of(tmp_path / name) is None
+    for other in (f".{name}", f".x-short{name}", f"x-abcdefgh-{name}"):
+        assert temporary_of(tmp_path / other) is None

@@ -103,17 +103,9 @@ def test_an_interrupted_run_resumes(again, made, tmp_path):
     kept = scans[0].stat().st_mtime_ns
     scans[1].unlink()
     (out / "training/label_02/0016.txt").unlink()
-    begun = scans[0].with_name(".000001-abc_1234.bin")  # as a kill leaves it
-    begun.touch()
     assert run(main, replayed(out, made, "--processes", "1")) == 0
-    assert scans[0].stat().st_mtime_ns == kept and not begun.exists()
+    assert scans[0].stat().st_mtime_ns == kept
     assert files(out) == files(again)
-
-
-def test_a_run_that_was_killed_at_its_first_file_begins_again(again, made, tmp_path):
-    (tmp_path / ".manifest-0a1b2c3d.json").touch()
-    assert run(main, replayed(tmp_path, made, "--processes", "1")) == 0
-    assert files(tmp_path) == files(again)
 
 
 def test_own_traffic_gives_the_same_bytes_again(made, tmp_path):
@@ -166,6 +158,30 @@ def test_a_replay_of_a_changed_source_is_another_data_set(file, tmp_path, kitti_
     assert "another data set (differs in spec)" in capsys.readouterr().err
     path.unlink()
     assert run(main, flags) == 2
+
+
+def test_files_of_killed_runs_are_removed(again, made, tmp_path):
+    out = tmp_path / "data"
+    flags = replayed(out, made, "--processes", "1")
+    killed_at_once = out / ".manifest-ab_d12x9.json"
+    out.mkdir()
+    killed_at_once.write_text("{")
+    assert run(main, flags) == 0 and files(out) == files(again)
+    folder = out / "training" / "velodyne" / "0016"
+    mine = folder / ".000000-notes.bin"
+    for path in (folder / ".000000-ab_d12x9.bin", out / "poses" / ".0016-ab_d12x9.txt", mine):
+        path.write_bytes(b"half")
+    (folder / "000000.bin").unlink()
+    assert run(main, flags) == 0
+    mine.unlink()
+    assert files(out) == files(again)
+
+
+def test_a_folder_with_more_than_a_killed_manifest_is_left_alone(made, tmp_path):
+    for name in (".manifest-ab_d12x9.json", "mine.txt"):
+        (tmp_path / name).write_text("{")
+    assert run(main, replayed(tmp_path, made)) == 2
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize(
