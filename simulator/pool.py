@@ -1,7 +1,8 @@
 """Jobs over processes. A job is a range of frames of one sequence.
 
-Every frame's bytes depend on (seed, sequence, frame) alone, so the result depends neither on the
-number of processes nor on interruptions.
+Every frame's bytes depend on the data set's description and on (sequence, frame) alone, so the
+result depends neither on the number of processes nor on interruptions. The description counts: the
+traffic of a sequence is laid out for its number of frames.
 """
 
 import contextlib
@@ -30,20 +31,6 @@ Job = tuple[int, list[int]]
 _stop: Event | None = None  # in each worker: set when the run is interrupted
 
 
-@contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes that are started in this block have one thread each: they share the cores."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ[name] for name in names if name in os.environ}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name in names:
-            os.environ.pop(name, None)
-        os.environ.update(before)
-
-
 def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterator[None]:
     """Runs the jobs; yields at intervals for a progress display.
 
@@ -57,13 +44,11 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
         return
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
-    with (
-        _one_thread_each(),
-        ProcessPoolExecutor(
-            processes, mp_context=context, initializer=_begin, initargs=(stop,)
-        ) as pool,
-    ):
-        waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
+    with ProcessPoolExecutor(
+        processes, mp_context=context, initializer=_begin, initargs=(stop,)
+    ) as pool:
+        with _one_thread_each():
+            waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
         try:
             while waiting:
                 done, waiting = wait(waiting, timeout=2.0, return_when=FIRST_COMPLETED)
@@ -74,6 +59,25 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
             stop.set()
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile use one thread: they share the cores, their matrices are small.
+
+    The pool starts its processes as jobs are submitted.
+    """
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _begin(stop: Event) -> None:

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -88,10 +89,14 @@ def test_track_ids_never_change(made):
         np.testing.assert_allclose(rows.boxes[:, 3:6].std(axis=0), 0, atol=1e-5)
 
 
-def test_bytes_do_not_depend_on_the_number_of_processes(again, made, tmp_path):
+def test_bytes_do_not_depend_on_the_number_of_processes(again, made, tmp_path, monkeypatch):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    before = dict(os.environ)
     out = tmp_path / "data"
     assert run(main, replayed(out, made, "--processes", "2")) == 0
     assert files(out) == files(again)
+    assert dict(os.environ) == before
 
 
 def test_an_interrupted_run_resumes(again, made, tmp_path):
