@@ -68,18 +68,23 @@ def histogram_distance(a, b) -> float:
     return float(np.abs(a / max(a.sum(), 1) - b / max(b.sum(), 1)).sum() / 2)
 
 
-def summarise(frames: list[FrameCounts]) -> dict[str, float | int | None]:
-    """The measures over all frames; ratios are simulated / real, None without boxes."""
+def summarise(worlds: list[list[FrameCounts]]) -> dict[str, float | int | None]:
+    """The measures over the same frames in each of several random worlds.
+
+    Ratios are simulated / real, None without boxes; frames and boxes are counted once.
+    """
+    frames = [frame for world in worlds for frame in world]
     distance = np.concatenate([f.distance for f in frames])
     points = np.concatenate([f.vehicle_points for f in frames]).astype(float)
     beams = np.concatenate([f.vehicle_beams for f in frames]).astype(float)
     enough = points[:, 0] >= ENOUGH
     per_frame = np.array([f.points for f in frames], float)
     result: dict[str, float | int | None] = {
-        "frames": len(frames),
+        "frames": len(worlds[0]),
+        "random worlds": len(worlds),
         "real points per frame": float(per_frame[:, 0].mean()),
         "points per frame, ratio": float((per_frame[:, 1] / per_frame[:, 0]).mean()),
-        "vehicle boxes": int(enough.sum()),
+        "vehicle boxes": int(enough.sum()) // len(worlds),
         "points per vehicle, median ratio": _ratio(points, enough),
         "points per vehicle, Spearman": float(
             spearmanr(points[enough, 0], points[enough, 1]).statistic
@@ -89,7 +94,7 @@ def summarise(frames: list[FrameCounts]) -> dict[str, float | int | None]:
     }
     for low, high in BANDS:
         chosen = enough & (distance >= low) & (distance < high)
-        result[f"points per vehicle {low}-{high} m, boxes"] = int(chosen.sum())
+        result[f"points per vehicle {low}-{high} m, boxes"] = int(chosen.sum()) // len(worlds)
         result[f"points per vehicle {low}-{high} m, median ratio"] = _ratio(points, chosen)
     heights, ranges = (sum(getattr(f, name) for f in frames) for name in ("heights", "ranges"))
     result["heights above ground, histogram distance"] = histogram_distance(*heights)

@@ -150,7 +150,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     sequence = KittiSequence(flags.data_root, flags.seq)
     frames = frames_with_scans(sequence, flags.pictures)[:: flags.every]
     seeds = range(1, flags.seeds + 1)
-    rows = summarise([row for seed in seeds for row in compare_world(sequence, frames, seed)])
+    rows = summarise([compare_world(sequence, frames, seed) for seed in seeds])
     print(table(rows), end="")
     missed = [k for k, (a, b) in GOALS.items() if rows[k] is None or not a <= rows[k] <= b]
     print("goals missed: " + (", ".join(missed) or "none"), file=sys.stderr)

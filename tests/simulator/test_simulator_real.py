@@ -8,7 +8,7 @@ from common.flags import run
 from kitti.boxes import points_in_boxes
 from kitti.sequence import KittiSequence
 from simulator.drives.replay import replay
-from simulator.fidelity import count_beams, histogram_distance
+from simulator.fidelity import FrameCounts, count_beams, histogram_distance, summarise
 from simulator.sensor_model.frames import Options, take_sweep
 from studies import simulator_fidelity
 
@@ -84,3 +84,14 @@ def test_fidelity_figures():
     assert count_beams(np.array(rings)) == 3 and count_beams(np.zeros((0, 3))) == 0
     assert histogram_distance(np.array([2, 0]), np.array([0, 5])) == 1
     assert histogram_distance(np.array([1, 1]), np.array([2, 2])) == 0
+
+
+def test_frames_and_boxes_of_several_worlds_count_once():
+    ones = np.ones((2, 3))
+    boxes = (np.array([5.0, 20.0, 40.0]), np.array([[30, 40], [20, 20], [5, 9]]), np.ones((3, 2)))
+    frame = FrameCounts(np.array([100, 90]), ones, ones, *boxes)
+    rows = summarise([[frame] * 4] * 3)
+    assert rows["frames"] == 4 and rows["random worlds"] == 3 and rows["vehicle boxes"] == 8
+    assert rows["points per vehicle 0-15 m, boxes"] == 4
+    assert rows["points per vehicle 30-50 m, boxes"] == 0
+    assert rows["points per frame, ratio"] == pytest.approx(0.9)
