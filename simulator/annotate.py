@@ -18,14 +18,19 @@ from kitti.objects import Objects
 class LabelRules:
     """Limits for labels, as shares of rays and of image area.
 
-    Chosen by hand to match KITTI's labels, whose farthest vehicles are at about 80 m.
+    `hidden` and `smallest` were matched by hand to KITTI's labels 0000-0015 of Car and Van (20,680
+    boxes): occlusion 0, 1, 2, 3 of 49, 30, 19, 2 %; 18, 9, 3 % beyond 50, 60, 70 m; 1 and 5 % of
+    the 2-D boxes lower than 14.3 and 17.8 pixels. Own traffic with 30 % vans (seeds 3-5, 16
+    sequences, every fourth of 40 frames, 4171 boxes) has occlusion 0, 1, 2 of 51, 29, 19 % and 21,
+    9, 2 % beyond 50, 60, 70 m. 14 % of its labelled vehicles hold at most 10 points, in replays of
+    KITTI's labels 8 %. The others were chosen by hand; KITTI's farthest vehicles are at about 80 m.
     """
 
     farthest: float = 75.0  # metres; beyond it DontCare
-    hidden: float = 0.04  # DontCare unless a larger share of the rays is left
+    hidden: float = 0.15  # DontCare unless a larger share of the rays is left
     largely: float = 0.35  # occlusion 2 below this share
     partly: float = 0.80  # occlusion 1 below this share
-    smallest: float = 10.0  # pixels of height; lower ones are DontCare
+    smallest: float = 18.0  # pixels of height; lower ones are DontCare
     truncated_partly: float = 0.05  # truncation 1 above this share of the 2-D box's area
     truncated_largely: float = 0.50
     noticed: float = 4.0  # pixels; smaller boxes are not labelled

@@ -96,16 +96,17 @@ def test_truncation_share(calib):
 
 
 def test_label_rows(calib):
-    boxes = np.array([car(20, 0), car(30, 5), car(90, 2), car(-10, 0), car(40, -3), car(33, -8)])
-    rays, seen = np.full(6, 100), np.array([100, 60, 50, 100, 2, 0])
-    rows = label_frame(7, boxes, ["Car"] * 6, np.arange(6), rays, seen, calib, IMAGE_SIZE)
+    boxes = [car(20, 0), car(30, 5), car(90, 2), car(-10, 0), car(40, -3), car(33, -8), car(69, 0)]
+    boxes = np.array(boxes)
+    rays, seen = np.full(7, 100), np.array([100, 60, 50, 100, 12, 0, 100])
+    rows = label_frame(7, boxes, ["Car"] * 7, np.arange(7), rays, seen, calib, IMAGE_SIZE)
     labelled = rows.of_classes(("Car",))
     np.testing.assert_array_equal(labelled.track_id, [0, 1])
     np.testing.assert_array_equal(labelled.occlusion, [0, 1])
     np.testing.assert_allclose(labelled.boxes, boxes[:2])
-    # too far and too hidden: a 2-D box to leave out; behind or never met by a ray: nothing
+    # too far, too hidden, too small: a 2-D box to leave out; behind or never met by a ray: nothing
     ignored = rows.of_classes(("DontCare",))
-    assert len(ignored) == 2 and (ignored.track_id == -1).all()
+    assert len(ignored) == 3 and (ignored.track_id == -1).all()
     assert np.isnan(ignored.boxes).all() and np.isfinite(ignored.bbox).all()
     width, height = IMAGE_SIZE
     assert (rows.bbox >= 0).all() and (rows.bbox[:, 2] <= width - 1).all()
