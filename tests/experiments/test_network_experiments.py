@@ -5,6 +5,7 @@ import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR, cloud, randomize_norms
 
+from evaluation.scene import Scene as SceneOnDisk
 from experiments.evaluate_networks import box_counts, end_point_errors
 from experiments.evaluate_networks import table as networks_table
 from experiments.table2 import PAPER, table
@@ -100,12 +101,14 @@ def test_table_2_shows_the_papers_figures():
     assert "| ours forward | 0.100 |" in text
 
 
-class Scene:
+class Scene(SceneOnDisk):
     """One object over two frames, 60 points in it, 800 on the ground around and below it."""
 
-    name, num_frames = "0000", 2
     boxes = np.array([[10.0, 0, 0, 4, 2, 1.5, 0], [11.0, 0, 0, 4, 2, 1.5, 0]])
     objects = Objects.from_boxes(np.arange(2), np.zeros(2, int), boxes)
+
+    def __init__(self):
+        """Nothing is on disk."""
 
     def points(self, t):
         rng = np.random.default_rng(t)
