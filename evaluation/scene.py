@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kitti.boxes import points_in_boxes
+from kitti.boxes import count_points_in_boxes
 from kitti.check_points import check_points
 from kitti.object_shift import (
     ObjectShift,
@@ -70,8 +70,9 @@ class Scene:
     def points_in(self, t: int, boxes: np.ndarray) -> np.ndarray:
         """(M,) int: points of frame t in each box (M, 7), one in several in the first alone."""
         points = self.points(t)
-        owner = np.zeros(0, int) if points is None else points_in_boxes(points, boxes)
-        return np.bincount(owner[owner >= 0], minlength=len(boxes))
+        if points is None:
+            return np.zeros(len(boxes), int)
+        return count_points_in_boxes(points, boxes)
 
     @cached_property
     def ego_motions(self) -> np.ndarray | None:

@@ -90,6 +90,12 @@ def points_in_boxes(points: np.ndarray, boxes: np.ndarray, margin: float = 0.0) 
     return index
 
 
+def count_points_in_boxes(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """(M,) int: points (n, >= 3) in each box (M, 7); one in several counts in the first alone."""
+    owner = points_in_boxes(points, boxes)
+    return np.bincount(owner[owner >= 0], minlength=len(boxes))
+
+
 def to_box_frame(xyz: np.ndarray, box: np.ndarray) -> np.ndarray:
     """(n, 3) points -> (n, 3) float64 from the centre of one box (7,), x along its length."""
     local = np.asarray(xyz, np.float64) - box[:3]

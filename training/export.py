@@ -18,7 +18,7 @@ from common.files import write_bytes, write_json, write_text
 from common.flags import ArgumentParser, run
 from models import checkpoint
 from models.weights import load_detector, load_tracker
-from training.checkpoint_folder import CheckpointFolder
+from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
 
 
 def export(path: Path, network: keras.Model, out: Path) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def checkpoint_of(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
-    folder = CheckpointFolder(path / "checkpoints", 1)
+    folder = CheckpointFolder(path / CHECKPOINTS, 1)
     steps = folder.steps()
     if not steps:
         raise InputError("expected a training's workdir with checkpoints", path)

@@ -214,7 +214,7 @@ def train_row(
 ) -> Path:
     """Trains a row, unless it is trained; returns its last checkpoint."""
     from models.weights import load_detector  # TensorFlow only where it is needed
-    from training.checkpoint_folder import CheckpointFolder
+    from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
     from training.loop import run_training
     from training.sampling.pipeline import make_order
     from training.stored_pairs import StoredPairsTask, store_pairs
@@ -242,7 +242,7 @@ def train_row(
         run_training(run, resume)
     finally:
         run.close()
-    checkpoints = CheckpointFolder(workdir / "checkpoints", schedule.keep_checkpoints)
+    checkpoints = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints)
     return checkpoints.path(checkpoints.steps()[-1])
 
 

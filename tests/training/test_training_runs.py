@@ -13,16 +13,13 @@ import numpy as np
 import pytest
 import tensorflow as tf
 from campaigns.kill import ENVIRONMENT
-from helpers.config_flags import config_flags
-from helpers.network_cases import SMALL_DETECTOR
+from helpers.detector_run import SHORT, detector_run
 
 import train_det
 import train_track
 from common.errors import InputError
-from common.files import write_json
 from common.flags import run as run_script
 from common.provenance import ROOT
-from kitti.sequence import open_sequences
 from models import checkpoint
 from models.detector import Detector
 from models.weights import load_detector, load_networks, load_tracker
@@ -32,12 +29,9 @@ from training.command_line import check_memory, start_from
 from training.config import (
     AugmentationConfig,
     DetectorTrainingConfig,
-    ScheduleConfig,
     TrackerTrainingConfig,
 )
-from training.detector_task import DetectorTask
 from training.strategies import make_strategy
-from training.training_run import start
 
 
 def start_process(*arguments, **environment) -> subprocess.Popen:
@@ -128,20 +122,6 @@ def test_two_workers_equal_one_with_the_joint_batch(tiny_data, tmp_path):
         for folder in (folders[0], folders[2])
     ]
     assert losses[0] == pytest.approx(losses[1], rel=1e-3)
-
-
-def detector_run(data, workdir, schedule, trained=("data/0000",), **changes):
-    sequences = open_sequences(data, [0], "training")
-    config = DetectorTrainingConfig(SMALL_DETECTOR, schedule=schedule, **changes)
-    return start(
-        lambda: DetectorTask(config, sequences, sequences),
-        make_strategy("one"),
-        workdir,
-        {"training": list(trained)},
-    )
-
-
-SHORT = ScheduleConfig(epochs=1, frames_per_epoch=4, batch_size=2, validation_frames=2)
 
 
 def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
@@ -363,52 +343,3 @@ def test_validation_looks_at_every_point(tiny_data, tmp_path):
     assert len(run.task.samples(0, 0).query) == 60
     sample = run.task.validation_samples(0, 0)
     np.testing.assert_array_equal(sample.query, sample.points)
-
-
-def test_resumed_before_the_first_checkpoint_starts_from_init(tiny_data, tmp_path, monkeypatch):
-    """--init with --resume, of a training that was killed before it wrote a checkpoint."""
-    trained = detector_run(tiny_data, tmp_path / "trained", SHORT)
-    path, workdir = tmp_path / "trained.npz", tmp_path / "workdir"
-    checkpoint.save(path, {"kind": "detector", "config": {}}, **trained.networks)
-    words = ["--data_root", tiny_data, "--seqs", "0000", "--val_data_root", tiny_data]
-    words += ["--val_seqs", "0001", "--workdir", workdir, "--init", path, "--smoke"]
-    words = [str(word) for word in (*words, *config_flags(SMALL_DETECTOR, "detector"))]
-    seen = []
-
-    def killed(run, resume):
-        variables = checkpoint.named_variables(run.task.model)
-        seen.append({name: variable.numpy() for name, variable in variables.items()})
-        if not resume:
-            write_json(workdir / "config.json", {})
-
-    monkeypatch.setattr(loop, "run_training", killed)
-    train_det.main(words)
-    train_det.main([*words, "--resume"])
-    for name, variable in checkpoint.named_variables(trained.task.model).items():
-        for found in seen:
-            np.testing.assert_array_equal(found[name], variable, err_msg=name)
-    (workdir / "checkpoints" / "step-00000001.npz").parent.mkdir()
-    (workdir / "checkpoints" / "step-00000001.npz").touch()
-    train_det.main([*words, "--resume"])  # now the checkpoint decides
-    assert any(np.any(seen[2][name] != seen[0][name]) for name in seen[0])
-
-
-def test_a_tracker_does_not_resume_on_another_detector(tiny_data, tmp_path):
-    run = detector_run(tiny_data, tmp_path, SHORT)
-    loop.run_training(run)
-    again = detector_run(tiny_data, tmp_path, SHORT)
-    again.task.meta = {**again.task.meta, "detector_sha256": "another"}
-    with pytest.raises(InputError, match=r"another detector_sha256: None -> another"):
-        loop.run_training(again, resume=True)
-
-
-def test_a_kill_in_the_last_validation_repeats_it(tiny_data, tmp_path, monkeypatch):
-    schedule = dataclasses.replace(SHORT, checkpoint_minutes=0.0)
-    with monkeypatch.context() as patch:
-        patch.setattr(loop, "validate", lambda _: pytest.exit("killed"))
-        with pytest.raises(pytest.exit.Exception):
-            loop.run_training(detector_run(tiny_data, tmp_path, schedule))
-    found = loop.run_training(detector_run(tiny_data, tmp_path, schedule), resume=True)
-    assert "box_f1_0.5" in found
-    assert (tmp_path / "checkpoints" / "best.npz").exists()
-    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.progress import progress
-from kitti.boxes import points_in_boxes, project_boxes
+from kitti.boxes import count_points_in_boxes, points_in_boxes, project_boxes
 from kitti.iou import iou_3d
 from kitti.sequence import KittiSequence
 from metrics.kitti_rules import boxes_in_dontcare
@@ -105,7 +105,7 @@ class CandidateFinder:
             clusters=clusters,
             features=cluster_features(clusters, xyz[0], likely) if len(boxes) else {},
             iou=iou_3d(truth, clusters.boxes),
-            points=_counts(points, truth),
+            points=count_points_in_boxes(points, truth),
             ignorable=boxes_in_dontcare(projected, regions),
             truth=truth,
             foreground=_means(xyz[0], likely, truth),
@@ -123,13 +123,9 @@ class CandidateFinder:
         return found
 
 
-def _counts(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    owner = points_in_boxes(points, boxes)
-    return np.bincount(owner[owner >= 0], minlength=len(boxes))
-
-
 def _means(points: np.ndarray, values: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     owner = points_in_boxes(points, boxes)
     held = owner >= 0
     with np.errstate(invalid="ignore"):
-        return np.bincount(owner[held], values[held], len(boxes)) / _counts(points, boxes)
+        count = np.bincount(owner[held], minlength=len(boxes))
+        return np.bincount(owner[held], values[held], len(boxes)) / count
