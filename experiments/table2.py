@@ -26,6 +26,7 @@ from common.flags import ArgumentParser, positive_int, run
 from common.markdown import cell, markdown
 from common.progress import Progress
 from common.provenance import ROOT
+from experiments.pipeline_rates import pipeline_rates
 from experiments.runs import write
 from kitti.scans.point_arrays import sample_points
 from kitti.sequence import KittiSequence
@@ -42,7 +43,6 @@ PAPER = {  # (N, N'): seconds; Table II, GTX 1080 Ti
     (5000, 1000): 0.037,
     (5000, 500): 0.036,
 }
-WORKERS = (0, 1, 2)  # processes of the input pipeline; 0: threads of the training's own
 ALL_POINTS = (20000, 5000)  # what inference takes of a scan of KITTI, beside the paper's settings
 
 
@@ -151,48 +151,6 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
     }
 
 
-def pipeline_rates(networks, sequence: KittiSequence, repeats: int) -> list[dict[str, float]]:
-    """Samples a second out of the input pipeline alone, by the number of its worker processes."""
-    from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
-    from training.detector_task import DetectorTask
-    from training.tracker_task import TrackerTask
-
-    detector, tracker, _ = networks
-    schedule, data = ScheduleConfig(batch_size=4), ([sequence], [])
-    detection = DetectorTrainingConfig(detector=detector.config, schedule=schedule)
-    tracking = TrackerTrainingConfig(tracker=tracker.config, schedule=schedule)
-    tasks = {
-        "detector samples": lambda: DetectorTask(detection, *data),
-        "tracker pairs": lambda: TrackerTask(tracking, detector, *data),
-    }
-    return [
-        {"workers": workers}
-        | {name: _samples_a_second(task, workers, repeats) for name, task in tasks.items()}
-        for workers in WORKERS
-    ]
-
-
-def _samples_a_second(make_task, workers: int, repeats: int) -> float:
-    from training.loop import training_data
-    from training.strategies import make_strategy
-    from training.training_run import start
-
-    filled, counted = 6, 4 * repeats  # batches until the buffers are full, and timed ones
-    with tempfile.TemporaryDirectory() as folder:
-        run = start(make_task, make_strategy("one"), folder, {}, workers=workers)
-        try:
-            batches = iter(training_data(run, 0, 2 * filled + counted))
-            for _ in range(filled):
-                next(batches)
-            begin = time.perf_counter()
-            for _ in range(counted):
-                next(batches)
-            seconds = time.perf_counter() - begin
-        finally:
-            run.close()
-    return counted * run.order.batch_size / seconds
-
-
 def seconds_to_first_boxes(scan: Path, weights: Path, repeats: int) -> float:
     """Median seconds of a new process from its start to the tracks of its first scan."""
     code = (
@@ -255,12 +213,13 @@ def table(
     measured = [(name, f"{value:.3f}") for name, value in detector.items()]
     paper = {key: f"{seconds:.3f}" for key, seconds in PAPER.items()}
     rows = [(n, k, f"{s:.3f}", paper.get((n, k), "-")) for (n, k), s in stream.items()]
+    columns = ["cores", "workers", "detector samples a second", "tracker pairs a second"]
     lines = [[cell(value, 1) for value in row.values()] for row in rates]
     return (
         f"{device}\n\n"
         + markdown(["measured", "seconds a frame"], measured)
         + "\n"
-        + markdown(["workers", "detector samples a second", "tracker pairs a second"], lines)
+        + markdown(columns, lines)
         + "\n"
         + markdown(["N", "N'", "ours (s)", "paper, GTX 1080 Ti (s)"], rows)
     )
@@ -287,7 +246,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         name = "import to first boxes of pointtracknet.Tracker (s)"
         detector[name] = seconds_to_first_boxes(sequence.scan_path(0), flags.weights, flags.repeats)
         stream = stream_times(networks, scans, (ALL_POINTS, *PAPER), flags.repeats)
-        rates = pipeline_rates(networks, sequence, flags.repeats)  # last: its workers end late
+        rates = pipeline_rates(networks, sequence)  # last: its workers end late
     metrics = {
         "device": device,
         "detector": detector,

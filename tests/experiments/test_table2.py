@@ -1,12 +1,27 @@
 """Table II from end to end on small networks, two settings of N and N'."""
 
 import json
+import os
 
 import pytest
 from helpers.small_weights import write_weights
 
 from common import flags
-from experiments import table2
+from experiments import pipeline_rates, table2
+
+
+def test_cores_are_doubled_and_all_threads_limited():
+    assert [pipeline_rates.doubled(n) for n in (1, 2, 3, 16)] == [
+        [1],
+        [1, 2],
+        [1, 2, 3],
+        [1, 2, 4, 8, 16],
+    ]
+    everything = os.sched_getaffinity(0)
+    with pipeline_rates.limited_to(1):
+        for thread in os.listdir("/proc/self/task"):
+            assert len(os.sched_getaffinity(int(thread))) == 1
+    assert os.sched_getaffinity(0) == everything
 
 
 @pytest.mark.slow
@@ -14,7 +29,9 @@ def test_table_2_of_small_networks(tmp_path, monkeypatch, capsys):
     weights = write_weights(tmp_path / "weights")
     monkeypatch.setattr(table2, "ALL_POINTS", (128, 48))
     monkeypatch.setattr(table2, "PAPER", {(64, 32): 0.25})
-    monkeypatch.setattr(table2, "WORKERS", (0, 1))
+    monkeypatch.setattr(pipeline_rates, "START_SECONDS", 0.0)
+    monkeypatch.setattr(pipeline_rates, "TIMED_SECONDS", 0.2)
+    monkeypatch.setattr(pipeline_rates, "doubled", lambda last: [1])
     assert (
         flags.run(
             table2.main, ["--repeats", "1", "--weights", str(weights), "--out", str(tmp_path)]
@@ -29,7 +46,7 @@ def test_table_2_of_small_networks(tmp_path, monkeypatch, capsys):
     wanted |= {"import to first boxes of pointtracknet.Tracker (s)"}
     assert wanted <= record["detector"].keys()
     rates = record["samples a second out of the input pipeline"]
-    assert [row["workers"] for row in rates] == [0, 1]
+    assert [(row["cores"], row["workers"]) for row in rates] == [(1, 0), (1, 1)]
     assert min(row["detector samples"] for row in rates) > 0
     assert min(row["tracker pairs"] for row in rates) > 0
     text = (tmp_path / "table2.md").read_text()
