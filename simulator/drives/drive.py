@@ -66,7 +66,7 @@ class DriveWorld:
     def write_texts(self, root: Path, name: str, frames: int) -> None:
         """Writes calibration, oxts and poses; labels are written with the frames."""
         write_calibration(root / "calib" / f"{name}.txt", self.calib)
-        write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], SENSOR.period_s)
+        write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], self.calib, SENSOR.period_s)
         write_poses(root.parent / "poses" / f"{name}.txt", self.poses[:frames])
 
 

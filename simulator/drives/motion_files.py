@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from common.files import write_text
-from kitti.calibration import LEVEL_FROM_CAMERA
+from kitti.calibration import LEVEL_FROM_CAMERA, Calibration
 
 EARTH_RADIUS = 6378137.0  # metres, as KITTI's raw data devkit has it
 START = (49.0, 8.4)  # degrees: latitude and longitude, near Karlsruhe
@@ -24,13 +24,18 @@ def write_poses(path: str | Path, poses) -> None:
     write_text(path, "".join(" ".join(f"{v:.9f}" for v in row) + "\n" for row in rows))
 
 
-def write_oxts(path: str | Path, poses, period_s: float) -> None:
+def write_oxts(path: str | Path, poses, calib: Calibration, period_s: float) -> None:
     """Writes KITTI's GPS/IMU file for poses (F, 4, 4) of the level frame in a world with x east.
 
+    The rows are the motion of the IMU, mounted as in `calib` (without an entry: the level frame's).
     Columns of the devkit: lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz
     wf wl wu pos_accuracy vel_accuracy navstat numsats posmode velmode orimode.
     """
-    poses = np.asarray(poses, np.float64)
+    level_from_imu = np.eye(4)
+    if calib.tr_imu_to_velo is not None:
+        level_from_imu[:3] = calib.level_from_velo[:3, :3] @ calib.tr_imu_to_velo
+        level_from_imu[:3, 3] += calib.level_from_velo[:3, 3]
+    poses = np.asarray(poses, np.float64) @ level_from_imu
     place, turn = poses[:, :3, 3], poses[:, :3, :3]
     roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
     pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1, 1))

@@ -72,7 +72,7 @@ class Replay:
             lines = read_table(source.poses_path, (POSE_COLUMNS,)).rows[:frames]
             poses = "".join(line + "\n" for line in lines)
             write_text(root.parent / "poses" / f"{name}.txt", poses)
-        write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], SENSOR.period_s)
+        write_oxts(root / "oxts" / f"{name}.txt", self.poses[:frames], self.calib, SENSOR.period_s)
 
     def scene(self, frame: int, motion: bool = False) -> Scene:
         """The scene of `frame`; with `motion`, objects move during the sweep."""

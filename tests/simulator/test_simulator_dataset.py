@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from common.flags import run
 from kitti.boxes import points_in_boxes
@@ -64,11 +65,27 @@ def test_kitti_reads_it_with_no_special_case(made):
     points = sequence.read_points_level(0)
     uncropped = sequence.read_points_level(0, crop=False)
     assert 8000 < len(points) < 25000 and len(points) == len(uncropped)
-    oxts = (made / "training/oxts/0016.txt").read_text().splitlines()
-    assert len(oxts) == FRAMES and all(len(line.split()) == 30 for line in oxts)
     manifest = json.loads((made / "manifest.json").read_text())
     assert manifest["complete"] is True and manifest["seed"] == 5 and manifest["version"] >= 1
     assert manifest["sensor"]["azimuth_step_deg"] == pytest.approx(0.1798)
+
+
+def test_oxts_are_the_motion_of_the_imu(made):
+    sequence = KittiSequence(made, 16)
+    rows = np.loadtxt(made / "training/oxts/0016.txt")
+    assert rows.shape == (FRAMES, 30)
+    imu = np.tile(np.eye(4), (FRAMES, 1, 1))  # in a Mercator projection, as the devkit has it
+    imu[:, :3, :3] = Rotation.from_euler("ZYX", rows[:, [5, 4, 3]]).as_matrix()
+    scale = 6378137.0 * np.cos(np.radians(rows[0, 0]))
+    imu[:, 0, 3] = scale * np.radians(rows[:, 1])
+    imu[:, 1, 3] = scale * np.log(np.tan(np.radians(90 + rows[:, 0]) / 2))
+    imu[:, 2, 3] = rows[:, 2]
+    velo_from_imu = np.vstack([sequence.calib.tr_imu_to_velo, [0, 0, 0, 1]])
+    level_from_imu = sequence.calib.level_from_velo @ velo_from_imu
+    assert np.abs(level_from_imu[:3, 3]).max() > 0.5  # another place than the camera's
+    found = level_from_imu @ np.linalg.inv(imu[0]) @ imu @ np.linalg.inv(level_from_imu)
+    np.testing.assert_allclose(found, np.linalg.inv(sequence.poses[0]) @ sequence.poses, atol=1e-4)
+    assert abs(rows[-1, 8] - np.linalg.norm(imu[-1, :3, 3] - imu[-2, :3, 3]) / 0.1) < 0.5
 
 
 def test_labels_hold_the_points_of_their_objects(made):
