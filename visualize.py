@@ -55,8 +55,9 @@ def make_parser() -> flags.ArgumentParser:
         add("--seed", type=flags.non_negative_int, default=0, help="of the object shift")
         if name != "network":
             count = "+" if name in ("trajectories", "scene") else 1
-            needed = {"default": []} if name == "scene" else {"required": True}
-            add("--results", type=Path, nargs=count, help="folder of files 00XX.txt", **needed)
+            needed = {"required": True} if name == "trajectories" else {"default": []}
+            rest = "" if name == "trajectories" else "; without it the labels alone"
+            add("--results", type=Path, nargs=count, help=f"folder of 00XX.txt{rest}", **needed)
         if name in ("network", "birds_eye"):
             text = "default: the one with most vehicles in the second half of the sequence"
             add("--frame", type=flags.non_negative_int, help=text)
@@ -91,10 +92,10 @@ def read_tracks(scene: Scene, folder: Path) -> Objects:
     return scene.sequence.read_results(sequence_file(folder, scene.name))
 
 
-def make_clip(args: argparse.Namespace, distance: float, results: Path) -> Clip:
-    """The sequence with the tracks of a folder."""
+def make_clip(args: argparse.Namespace, distance: float, results: Path | None) -> Clip:
+    """The sequence with the tracks of a folder, if there is one."""
     scene = open_scene(args, distance)
-    return Clip.of_scene(scene, read_tracks(scene, results))
+    return Clip.of_scene(scene, read_tracks(scene, results) if results else Objects.empty())
 
 
 def tracker_names(folders: Sequence[Path]) -> list[str]:
@@ -160,14 +161,14 @@ def draw_trajectories(args: argparse.Namespace) -> list[Path]:
 def draw_animation(args: argparse.Namespace) -> list[Path]:
     """Writes a GIF."""
     _check_suffix(args.out, (".gif",))
-    clip = make_clip(args, args.object_shift, args.results[0])
+    clip = make_clip(args, args.object_shift, *(args.results or [None]))
     return [animate(clip, args.out, max_frames=args.animation_frames)]
 
 
 def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
     """Draws Fig. 1."""
     _check_suffix(args.out, STILL)
-    clip = make_clip(args, args.object_shift, args.results[0])
+    clip = make_clip(args, args.object_shift, *(args.results or [None]))
     frame = clip.busiest_frame() if args.frame is None else args.frame
     if frame not in clip.frames:
         first, last = clip.frames[0], clip.frames[-1]

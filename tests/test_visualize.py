@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from helpers import two_cars
 from helpers.small_weights import write_weights
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 import visualize
 from common import flags
 from kitti.labels import read_results, write_results
 from kitti.objects import Objects
+from visualization.drawing import FOUND, TRUTH
 
 FRAMES = 4
 
@@ -139,7 +141,17 @@ def test_invalid_input_gives_one_line(root, tmp_path, capsys, figure, name, more
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_results_are_needed_but_for_the_scene(root, tmp_path, capsys):
+def test_labels_alone(root, tmp_path):
+    assert run(root, "birds_eye", tmp_path / "a.png", "--frame", 1) == 0
+    with Image.open(tmp_path / "a.png") as picture:
+        colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    truth, found = (np.round(255 * np.array(to_rgb(c))) for c in (TRUTH, FOUND))
+    assert (colors == truth).all(1).any() and not (colors == found).all(1).any()
+    assert run(root, "animation", tmp_path / "a.gif") == 0
+    assert Image.open(tmp_path / "a.gif").n_frames == FRAMES
+
+
+def test_trajectories_need_results(root, tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
-        run(root, "birds_eye", tmp_path / "a.png")
+        run(root, "trajectories", tmp_path / "a.png")
     assert "required: --results" in capsys.readouterr().err

@@ -77,7 +77,9 @@ class BirdsEye:
     def _handles(self) -> list:
         one = not callable(self.color)
         color, name = (FOUND, "with ids") if one else ("0.2", "one colour per id")
-        handles = _handles(color, f"tracks, {name}", self.trail, "-", 1.2)
+        handles = []
+        if len(self.clip.results) or not len(self.clip.truth):
+            handles += _handles(color, f"tracks, {name}", self.trail, "-", 1.2)
         if len(self.clip.truth):
             handles += _handles(TRUTH, "truth", self.trail, ":", 2.2)
         return handles
