@@ -42,7 +42,7 @@ def track_scene(
 
 
 class SceneFrame(FrameContext):
-    """Frame t of a scene: motion of sensor and labels, scan and image boxes, made on access."""
+    """Frame t of a scene: motion of sensor and labels, and image boxes, made on access."""
 
     def __init__(self, scene: Scene, labels: Objects, t: int):
         self.scene, self.labels, self.t = scene, labels, t
@@ -58,11 +58,6 @@ class SceneFrame(FrameContext):
         """See `FrameContext`."""
         before, now = self.labels.at(self.t - 1), self.labels.at(self.t)
         return LabelMotion(before.boxes, before.track_id, now.boxes, now.track_id)
-
-    @property
-    def scan(self) -> np.ndarray | None:
-        """See `FrameContext`."""
-        return self.scene.points(self.t)
 
     def image_boxes(self, boxes: np.ndarray) -> np.ndarray:
         """See `FrameContext`."""

@@ -1,6 +1,5 @@
 """Boxes to trajectories: Algorithm 1 and the baselines SORT, DEEP_SORT, AB3DMOT (no TensorFlow)."""
 
-from tracking.appearance import geometric_appearance
 from tracking.factory import PREDICTED_MOTION, TRACKERS, make_tracker
 from tracking.frame_detections import FrameDetections
 from tracking.interface import FrameContext, MultiObjectTracker, Tracks, track_frame
@@ -15,7 +14,6 @@ __all__ = [
     "MultiObjectTracker",
     "Tracks",
     "assign_label_ids",
-    "geometric_appearance",
     "make_tracker",
     "track_frame",
 ]

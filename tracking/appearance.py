@@ -1,45 +1,8 @@
-"""Appearance vectors for DEEP_SORT: a geometric one from the points in a box, and its gallery.
-
-The size of the box is not a feature: KITTI's labels have one size per object, so with ground-truth
-boxes it would reveal the identity.
-"""
+"""Appearance vectors of DEEP_SORT: their gallery."""
 
 from collections import deque
 
 import numpy as np
-
-from kitti.boxes import points_in_boxes, to_box_frame
-
-BINS = 8  # slices of the box along each axis; our choice
-EXTENT_SCALE = 5.0  # metres, about a car's length: extents weigh as much as one slice; our choice
-
-
-def geometric_appearance(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Distribution of the points within each box.
-
-    Args:
-        points: (n, >=3) level frame, of the same frame as the boxes.
-        boxes: (M, 7) level frame.
-
-    Returns:
-        (M, 27) float64, each row of unit length: shares of the points in 8 slices along the box's
-        length, width and height, then the points' extents along them. A box without points has a
-        row of zeros.
-    """
-    rows = [_shape_of(points, box) for box in np.asarray(boxes, np.float64)]
-    return np.array(rows).reshape(-1, 3 * BINS + 3)
-
-
-def _shape_of(points: np.ndarray, box: np.ndarray) -> np.ndarray:
-    inside = np.asarray(points[points_in_boxes(points, box[None]) >= 0, :3], np.float64)
-    if len(inside) == 0:
-        return np.zeros(3 * BINS + 3)
-    local = to_box_frame(inside, box)
-    shares = [
-        np.histogram(axis / size, bins=BINS, range=(-0.5, 0.5))[0] / len(inside)
-        for axis, size in zip(local.T, box[3:6], strict=True)
-    ]
-    return normalize(np.concatenate([*shares, np.ptp(local, axis=0) / EXTENT_SCALE]))
 
 
 def normalize(vectors: np.ndarray) -> np.ndarray:
@@ -61,7 +24,7 @@ class Gallery:
 
     def distances(self, vectors: np.ndarray) -> np.ndarray:
         """Least cosine distance of each (M, C) to the gallery: (M,), NaN without vectors."""
-        if not self.vectors:
-            return np.full(len(vectors), np.nan)
-        distance = 1.0 - (np.array(self.vectors) @ vectors.T).max(axis=0)
-        return np.where(vectors.any(axis=1), distance, np.nan)
+        distances, known = np.full(len(vectors), np.nan), vectors.any(axis=1)
+        if self.vectors and known.any():
+            distances[known] = 1.0 - (np.array(self.vectors) @ vectors[known].T).max(axis=0)
+        return distances

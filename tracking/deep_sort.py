@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kitti.iou import iou_3d
-from tracking.appearance import Gallery, geometric_appearance, normalize
+from tracking.appearance import Gallery, normalize
 from tracking.assignment import hungarian
 from tracking.frame_detections import FrameDetections
 from tracking.interface import NO_CONTEXT, FrameContext, Tracks
@@ -53,6 +53,7 @@ class DeepSortParameters:
     min_iou: float = 0.3  # the authors' default: IoU distance up to 0.7
     max_age: int = 30  # "A_max = 30 frames", section III
     min_hits: int = 3  # "first three frames" tentative, section II.A
+    lost_frames: int = 1  # frames for which a lost track is reported; the authors' code
     noise: Noise = METRIC_NOISE
 
 
@@ -79,7 +80,7 @@ class DeepSort:
 
     def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
         """See `MultiObjectTracker.update`."""
-        boxes, looks = detections.boxes, _appearance(detections, context)
+        boxes, looks = detections.boxes, _appearance(detections)
         pairs, free = self._cascade(boxes, looks)
         pairs += self._by_iou(boxes, free, {id(track) for track, _ in pairs})
         for track, column in pairs:
@@ -146,15 +147,13 @@ class DeepSort:
             lambda t: t.time_since_update > (self.parameters.max_age if t.confirmed else 0)
         )
         return self.life.report(
-            lambda t: t.confirmed and t.detection >= 0, lambda t: boxes[t.detection]
+            lambda t: t.confirmed and t.time_since_update <= self.parameters.lost_frames,
+            lambda t: t.state.filter.box if t.detection < 0 else boxes[t.detection],
         )
 
 
-def _appearance(detections: FrameDetections, context: FrameContext) -> np.ndarray:
-    """(M, C) of unit length: as given, else geometric from the scan, else rows of zeros."""
-    if detections.appearance is not None:
-        return normalize(detections.appearance)
-    scan = context.scan
-    if scan is None:
+def _appearance(detections: FrameDetections) -> np.ndarray:
+    """(M, C) of unit length, rows of zeros without appearance."""
+    if detections.appearance is None:
         return np.zeros((len(detections), 1))
-    return normalize(geometric_appearance(scan, detections.boxes))
+    return normalize(detections.appearance)

@@ -42,12 +42,10 @@ class FrameContext:
 
     Attributes:
         ego_motion: (4, 4), takes level-frame coordinates of t-1 to those of t (AB3DMOT).
-        scan: (n, >=3) points of frame t, level frame (geometric appearance of DEEP_SORT).
         label_motion: motion of the labelled objects from t-1 to t (upper bound of Algorithm 1).
     """
 
     ego_motion: np.ndarray | None = None
-    scan: np.ndarray | None = None
     label_motion: LabelMotion | None = None
 
     def image_boxes(self, boxes: np.ndarray) -> np.ndarray | None:

@@ -21,6 +21,11 @@ def step(tracker, *x: float, looks=None):
     return track_frame(tracker, found)
 
 
+def found(tracks) -> list[int]:
+    """Ids of the tracks that were matched."""
+    return tracks.ids[tracks.detections >= 0].tolist()
+
+
 def settled(*x: float, looks=None, **parameters):
     """A tracker with confirmed, standing tracks 0, 1... at `x`."""
     tracker = make_tracker("deep_sort", **parameters)
@@ -45,13 +50,28 @@ def test_cascade_prefers_the_track_seen_more_recently():
     tracker = settled(0.0, 1.0)
     for _ in range(3):
         step(tracker, 1.0)  # track 1 is seen on, track 0 is lost
-    tracks = step(tracker, 0.2)
-    assert tracks.ids.tolist() == [1]
+    assert found(step(tracker, 0.2)) == [1]
+
+
+def test_a_track_is_reported_for_one_frame_after_its_last_match_at_its_prediction():
+    tracker = make_tracker("deep_sort")
+    for t in range(6):
+        step(tracker, 0.5 * t)
+    tracks = step(tracker)
+    assert tracks.detections.tolist() == [-1]
+    np.testing.assert_allclose(tracks.boxes, cars(3.0), atol=0.1)
+    assert len(step(tracker)) == 0
+    assert len(step(settled(0.0, lost_frames=0))) == 0
+
+
+def test_a_frame_without_appearance_among_others_goes_by_distance():
+    tracker = settled(0.0, 20.0, looks=[RED, BLUE])
+    assert found(step(tracker, 0.1, 20.1)) == [0, 1]
 
 
 def test_without_the_age_order_the_nearer_track_is_taken():
     tracker = settled(0.0, 1.0)
-    assert step(tracker, 0.2).ids.tolist() == [0]
+    assert found(step(tracker, 0.2)) == [0]
 
 
 def test_appearance_beats_distance_within_the_gate():
@@ -63,7 +83,7 @@ def test_appearance_beats_distance_within_the_gate():
 
 def test_gate_refuses_a_look_alike_far_away():
     tracker = settled(0.0, looks=[RED])
-    assert len(step(tracker, 60.0, looks=[RED])) == 0  # a new, tentative track
+    assert found(step(tracker, 60.0, looks=[RED])) == []  # a new, tentative track
     assert [track.id for track in tracker.life.tracks] == [0, 1]
 
 
@@ -72,7 +92,7 @@ def test_other_looks_are_refused_in_the_cascade_and_accepted_by_iou():
     assert step(tracker, 0.1, looks=[BLUE]).ids.tolist() == [0]  # IoU, missed for one frame only
     tracker = settled(0.0, looks=[RED])
     step(tracker)
-    assert len(step(tracker, 0.1, looks=[BLUE])) == 0  # two frames: no IoU stage
+    assert found(step(tracker, 0.1, looks=[BLUE])) == []  # two frames: no IoU stage
 
 
 def test_gallery_remembers_every_look():
