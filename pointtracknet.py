@@ -54,11 +54,8 @@ class Tracker:
         calib = standard_mounting() if calib is None else calib
         self.calib = calib if isinstance(calib, Calibration) else read_calibration(calib)
         self.image_size = image_size_of(self.calib, image_size)
-        self.dropped = 0  # points of the last scan, see `update`
-        self.unseen = 0  # scans so far that have points, but none in the camera's view
-        self._stream = NetworkStream(network)
-        self._tracker = make_tracker("pointtracknet", **parameters)
-        self.frame = 0
+        self._network, self._parameters = network, parameters
+        self.reset()
 
     @classmethod
     def load(
@@ -86,10 +83,18 @@ class Tracker:
         network = StreamingNetwork(*load_networks(folder), min_score=score_threshold)
         return cls(network, calib, image_size, **parameters)
 
+    def reset(self) -> None:
+        """Forgets all scans and tracks: the next scan is the first of another sequence."""
+        self.dropped = 0  # points of the last scan, see `update`
+        self.unseen = 0  # scans so far that have points, but none in the camera's view
+        self.frame = 0  # number of the next scan
+        self._stream = NetworkStream(self._network)
+        self._tracker = make_tracker("pointtracknet", **self._parameters)
+
     @property
     def score_threshold(self) -> float:
         """Least score of a box."""
-        return self._stream.network.min_score
+        return self._network.min_score
 
     @property
     def seen(self) -> np.ndarray:
@@ -123,6 +128,7 @@ class Tracker:
             InputError: another shape or type, or no finite point at all; the scan is then skipped,
                 and the next one is tracked as the successor of the last valid one.
         """
+        self.dropped = 0
         points, self.dropped = as_points(points)
         level = self.points_level(points)
         if len(points) and not len(level):

@@ -135,10 +135,10 @@ def track_scans(
 ) -> Objects:
     """Result rows of all frames from the first scan to the last.
 
-    tracker: a `pointtracknet.Tracker`; each_frame: called with the frame's number after each.
+    tracker: a new `pointtracknet.Tracker`; each_frame: called with the frame's number after each.
     Raises InputError for a broken scan.
     """
-    frames = []
+    frames, tracker.frame = [], scans.frames[0]
     for frame in scans.frames:
         frames.append((frame, tracker.update(scans.points(frame))))
         each_frame(frame)

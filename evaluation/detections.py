@@ -48,25 +48,17 @@ class DetectionFiles:
         folder: see `kitti.detections.read_detection_folder`.
         scenes: the sequences to be read.
         classes: kept classes.
-        min_score: least score of a kept detection.
 
     Raises:
         InputError: a file is missing or malformed.
     """
 
-    def __init__(
-        self,
-        folder: str | Path,
-        scenes: Sequence[Scene],
-        classes: Sequence[str],
-        min_score: float = -np.inf,
-    ):
+    def __init__(self, folder: str | Path, scenes: Sequence[Scene], classes: Sequence[str]):
         check_folder(folder)
         alone = len(scenes) == 1
         read = {s.name: s.sequence.read_detections(folder, alone) for s in scenes}
         note_other_classes(folder, Objects.concatenate(read.values()), classes)
-        chosen = {name: rows.of_classes(classes) for name, rows in read.items()}
-        self.detections = {n: rows[~(rows.score < min_score)] for n, rows in chosen.items()}
+        self.detections = {name: rows.of_classes(classes) for name, rows in read.items()}
 
     def frames(self, scene: Scene) -> Iterator[FrameDetections]:
         """See `DetectionProvider.frames`."""
@@ -160,7 +152,21 @@ class BoxesAtLeast:
         """See `DetectionProvider.frames`."""
         for found in self.provider.frames(scene):
             self.largest = max(self.largest, found.scores.max(initial=-np.inf))
-            yield found.at_least(self.min_score)
+            yield found.only(found.scores >= self.min_score)
+
+
+class BoxesOfClasses:
+    """The boxes of another provider that are of some classes."""
+
+    def __init__(self, provider: DetectionProvider, classes: Sequence[str]):
+        self.provider, self.classes = provider, classes
+        self.found: set[str] = set()  # classes of all boxes so far
+
+    def frames(self, scene: Scene) -> Iterator[FrameDetections]:
+        """See `DetectionProvider.frames`."""
+        for found in self.provider.frames(scene):
+            self.found |= set(found.types.tolist())
+            yield found.only(np.isin(found.types, self.classes))
 
 
 class LabelBoxesWithPredictedMotion:
@@ -201,11 +207,17 @@ def by_frame(objects: Objects, frames: range) -> Iterator[FrameDetections]:
 
 def note_other_classes(folder: str | Path, rows: Objects, classes: Sequence[str]) -> None:
     """Notes files without any box, or with boxes of other classes than those evaluated alone."""
-    if not len(rows):
+    if len(rows):
+        note_if_others(folder, set(rows.type.tolist()), classes)
+    else:
         note(f"{folder}: there is no box in it")
-    elif not len(rows.of_classes(classes)):
-        found = ", ".join(sorted(set(rows.type.tolist())))
-        note(f"{folder}: no box is of --classes {','.join(classes)}, all are {found}")
+
+
+def note_if_others(source: str | Path, found: set[str], classes: Sequence[str]) -> None:
+    """Notes boxes from `source` of which none is of the classes."""
+    if found and not found & set(classes):
+        all_are = ", ".join(sorted(found))
+        note(f"{source}: no box is of --classes {','.join(classes)}, all are {all_are}")
 
 
 def note_low_scores(largest: float, least: float) -> None:

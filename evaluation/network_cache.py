@@ -211,9 +211,9 @@ def _digest_of_file(path: Path) -> bytes:
 
 
 def _digest_of_data(scene: Scene) -> bytes:
-    """Digest (16 bytes) of labels, calibration and scans."""
+    """Digest (16 bytes) of labels, calibration, scans and the image that crops them."""
     sequence = scene.sequence
-    digest = hashlib.blake2b(str(scene.frames).encode(), digest_size=16)
+    digest = hashlib.blake2b(repr((scene.frames, sequence.image_size)).encode(), digest_size=16)
     files = [sequence.calib_path, sequence.label_path]
     files += [sequence.scan_path(t) for t in sequence.frames]
     for path in files:

@@ -19,11 +19,13 @@ from common.provenance import provenance
 from evaluation.config import BEST, GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import (
     BoxesAtLeast,
+    BoxesOfClasses,
     DetectionFiles,
     DetectionProvider,
     LabelBoxes,
     NetworkDetections,
     check_folder,
+    note_if_others,
     note_low_scores,
     note_other_classes,
 )
@@ -115,6 +117,9 @@ def run_tracker(
         scene.check(poses=config.tracker == "ab3dmot", scans=config.needs_network)
     if provider is None:
         provider = make_provider(config, scenes)
+    chosen = None
+    if config.detections == NETWORK:
+        provider = chosen = BoxesOfClasses(provider, config.classes)
     least = config.min_box_score
     if least is not None:
         provider = BoxesAtLeast(provider, least)
@@ -127,9 +132,8 @@ def run_tracker(
         }
     if least is not None:
         note_low_scores(provider.largest, least)
-    rows = Objects.concatenate(tracked.values())
-    if config.detections == NETWORK and len(rows):
-        note_other_classes(config.weights, rows, config.classes)
+    if chosen is not None:
+        note_if_others(config.weights, chosen.found, config.classes)
     return tracked
 
 
@@ -151,6 +155,8 @@ def _results(
     if config.out is not None and _writes_tracks(config):
         kept = _write(config.out / TRACKS, scenes, kept)
         _remove_others(config.out, kept)
+    elif config.out is not None and not _is_read(config, scenes, config.out / TRACKS):
+        _remove_others(config.out, ())
     return kept, threshold
 
 
@@ -197,7 +203,7 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
 
 
 def _remove_others(out: Path, kept: Collection[str]) -> None:
-    """Removes the result files of other sequences that an earlier run's metrics.json names."""
+    """Removes the result files that an earlier run's metrics.json names, but for those `kept`."""
     record, names = out / METRICS, []
     with contextlib.suppress(InputError, LookupError, TypeError):
         names = parse_json(read_bytes(record), record)["run"]["data"]["sequences"]
@@ -217,15 +223,18 @@ def _read(folder: Path, scenes: list[Scene]) -> dict[str, Objects]:
 def _check_inputs_stay(config: EvaluateConfig, scenes: list[Scene]) -> None:
     """Refuses an output folder whose result files would replace files that are read or others'."""
     tracks = config.out / TRACKS
-    if not _writes_tracks(config) or not tracks.is_dir():
-        return
+    if _writes_tracks(config) and _is_read(config, scenes, tracks):
+        raise InputError("--out: its result files would replace those that are read", tracks)
+
+
+def _is_read(config: EvaluateConfig, scenes: list[Scene], folder: Path) -> bool:
+    """Whether labels, results or detections of the evaluation are read from a folder."""
     read = {scene.sequence.label_path.parent for scene in scenes}
     if config.results is not None:
         read |= {sequence_file(config.results, scene.name).parent for scene in scenes}
     elif config.detections not in (GROUND_TRUTH, NETWORK):
-        read.add(Path(config.detections))
-    if any(folder.exists() and folder.samefile(tracks) for folder in read):
-        raise InputError("--out: its result files would replace those that are read", tracks)
+        read |= {sequence_file(config.detections, scene.name).parent for scene in scenes}
+    return folder.is_dir() and any(path.exists() and path.samefile(folder) for path in read)
 
 
 def check_writable(folder: Path) -> None:

@@ -172,7 +172,7 @@ def _unique_ids(
     """Ids (R,) that are unique within each frame.
 
     An id may occur once per class in a frame, since KITTI evaluates one class at a time. In that
-    case ids are renumbered, one number for each pair of class and id.
+    case ids are renumbered, and such an id has one number for each of its classes.
     """
     rows = np.flatnonzero(track_id >= 0)
     order = rows[np.lexsort((kind[rows], track_id[rows], frame[rows]))]
@@ -188,6 +188,7 @@ def _unique_ids(
         )
     if not same.any():
         return track_id
+    kind = np.where(np.isin(track_id, track_id[first[same]]), kind, "")
     pairs = np.array(list(zip(kind.tolist(), track_id.tolist(), strict=True)), "<U16,i8")
     numbers = track_id.copy()
     numbers[rows] = np.unique(pairs[rows], return_inverse=True)[1]

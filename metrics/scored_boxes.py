@@ -59,7 +59,8 @@ def threshold_at_precision(boxes: ScoredBoxes, precision: float) -> float:
     """
     hits = np.cumsum(boxes.outcomes == HIT)
     counted = np.cumsum(boxes.outcomes != IGNORED)
-    reached = np.flatnonzero((hits >= precision * counted) & _last_of_equals(boxes.scores))
+    enough = (hits > 0) & (hits >= precision * counted)
+    reached = np.flatnonzero(enough & _last_of_equals(boxes.scores))
     return float(boxes.scores[reached[-1]]) if len(reached) else np.inf
 
 

@@ -29,6 +29,9 @@ class FrameDetections:
         appearance: (M, C) float64, a row of zeros for a box without one; None if unknown.
         label_ids: (M,) int64 track ids of labelled boxes; None for detected ones.
 
+    Boxes and scores are copied, so that a tracker keeps them while the caller fills its buffers
+    anew.
+
     Raises:
         InputError: wrong shapes, NaN or infinity, or a box whose size is not positive.
     """
@@ -48,7 +51,8 @@ class FrameDetections:
         boxes, scores = _checked_boxes(self.boxes, self.scores, self.t)
         rows = len(boxes)
         self._set(boxes=boxes, scores=scores)
-        self._set(types=np.broadcast_to("Car" if self.types is None else self.types, rows))
+        types = np.broadcast_to("Car", rows) if self.types is None else np.asarray(self.types)
+        self._set(types=_checked_column("types", types, rows))
         if self.points is not None:
             self._check_motion()
         if self.mask is not None:
@@ -56,14 +60,14 @@ class FrameDetections:
         if self.appearance is not None:
             self._set(appearance=checked_rows("appearance", self.appearance, rows))
         if self.label_ids is not None:
-            self._set(label_ids=np.asarray(self.label_ids, np.int64))
+            ids = np.asarray(self.label_ids, np.int64)
+            self._set(label_ids=_checked_column("label_ids", ids, rows))
 
     def __len__(self) -> int:
         return len(self.boxes)
 
-    def at_least(self, min_score: float) -> "FrameDetections":
-        """The boxes with at least this score, with the same motion."""
-        rows = self.scores >= min_score
+    def only(self, rows: np.ndarray) -> "FrameDetections":
+        """The boxes of some rows, (M,) bool, with the same motion."""
         columns = {"boxes": self.boxes, "scores": self.scores, "types": self.types}
         columns |= {"appearance": self.appearance, "label_ids": self.label_ids}
         return replace(self, **{k: None if v is None else v[rows] for k, v in columns.items()})
@@ -86,7 +90,7 @@ class FrameDetections:
 
 def _checked_boxes(boxes, scores, t: int) -> tuple[np.ndarray, np.ndarray]:
     """(M, 7) and (M,) float64, finite, with positive sizes."""
-    boxes, scores = np.asarray(boxes, np.float64), np.asarray(scores, np.float64)
+    boxes, scores = np.array(boxes, np.float64), np.array(scores, np.float64)
     if boxes.size == 0:
         boxes = boxes.reshape(0, BOX_SIZE)
     if boxes.ndim != 2 or boxes.shape[1] != BOX_SIZE:
@@ -101,6 +105,13 @@ def _checked_boxes(boxes, scores, t: int) -> tuple[np.ndarray, np.ndarray]:
             f"found row {row}: {boxes[row].tolist()} score {scores[row]}"
         )
     return boxes, scores
+
+
+def _checked_column(name: str, values: np.ndarray, rows: int) -> np.ndarray:
+    """The array, if its shape is (rows,)."""
+    if values.shape != (rows,):
+        raise InputError(f"expected {name} of shape ({rows},), found {values.shape}")
+    return values
 
 
 def checked_rows(name: str, values, rows: int | None, columns: int | None = None) -> np.ndarray:

@@ -130,6 +130,15 @@ def test_tracks_of_another_run_do_not_stay(tiny_root, tmp_path):
     assert {path.name for path in (tmp_path / "tracks").iterdir()} == {"0001.txt", "0007.txt"}
 
 
+def test_tracks_do_not_stay_beside_metrics_of_others(tiny_root, tmp_path):
+    run(tiny_root, tmp_path / "a")
+    run(tiny_root, tmp_path / "b", "--tracker", "sort")
+    run(tiny_root, tmp_path / "b", "--results", tmp_path / "b" / "tracks")
+    assert (tmp_path / "b" / "tracks" / "0000.txt").is_file()
+    run(tiny_root, tmp_path / "b", "--results", tmp_path / "a" / "tracks")
+    assert not list((tmp_path / "b" / "tracks").iterdir())
+
+
 def test_importable_without_files(tiny_root):
     config = EvaluateConfig(data_root=tiny_root, seqs=(0,), tracker="sort")
     record = evaluate.evaluate(config)

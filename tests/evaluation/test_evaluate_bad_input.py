@@ -68,6 +68,17 @@ def test_missing_result_file_and_folder(tiny_root, tmp_path, theirs, fails):
     assert "expected a directory" in fails(*arguments, "--detections", tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize("below", ["", "tracks"])
+def test_detections_are_not_replaced_by_the_tracks_of_them(tiny_root, tmp_path, fails, below):
+    (tmp_path / "tracks").mkdir()
+    path = tmp_path / "tracks" / "0000.txt"
+    path.write_text((tiny_root / "detections" / "0000.txt").read_text())
+    given = ("--data_root", tiny_root, "--seqs", "0000", "--out", tmp_path, "--tracker", "sort")
+    message = fails(*given, "--detections", tmp_path / below)
+    assert "tracks: --out: its result files would replace those that are read" in message
+    assert path.read_text() == (tiny_root / "detections" / "0000.txt").read_text()
+
+
 @pytest.mark.parametrize("inside", ["detections", "training/label_02"])
 def test_inputs_are_not_replaced_by_the_output(tmp_path, fails, inside):
     """Directly, or through a link: tracks/ of the output folder is the folder that is read."""

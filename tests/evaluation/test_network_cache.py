@@ -89,6 +89,7 @@ def test_the_name_depends_on_all_that_matters(root, scene, weights, tmp_path):
     names = [
         name(),
         name(weights=other_weights),
+        name(Scene(KittiSequence(root, 1, image_size=(640, 360)))),
         name(Scene(KittiSequence(changed, 1))),
         name(Scene(KittiSequence(root, 1), ObjectShift(2.0))),
         name(Scene(KittiSequence(root, 1), ObjectShift(2.0, seed=1))),

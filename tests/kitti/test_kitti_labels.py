@@ -257,6 +257,12 @@ def test_an_id_may_be_there_once_per_class(tmp_path):
     assert car == car_later != van
 
 
+def test_an_id_of_two_classes_in_turn_is_one_track_whatever_other_ids_do(tmp_path):
+    rows = [label_row(0, 7), label_row(0, 7, "Van"), label_row(0, 5), label_row(1, 5, "Van")]
+    ids = read_results(_write(tmp_path / "r.txt", rows)).track_id.tolist()
+    assert ids[2] == ids[3] and len(set(ids)) == 3
+
+
 def test_line_ends_of_other_systems(tmp_path):
     text = "".join(label_row(t, 0) + "000\n" for t in range(3))
     (tmp_path / "unix.txt").write_bytes(text.encode())

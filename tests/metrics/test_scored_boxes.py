@@ -52,6 +52,7 @@ def test_threshold_at_precision():
     assert threshold_at_precision(found, 0.7) == 0.6
     assert threshold_at_precision(found, 0.9) == 0.9
     assert threshold_at_precision(boxes((0.9, FALSE_ALARM)), 0.9) == np.inf
+    assert threshold_at_precision(boxes((0.9, IGNORED), (0.8, FALSE_ALARM)), 0.9) == np.inf
 
 
 def test_equal_scores_are_taken_together():
