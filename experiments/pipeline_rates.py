@@ -12,20 +12,22 @@ from kitti.sequence import KittiSequence
 START_SECONDS = 12.0  # until all workers have started and the buffers are full
 TIMED_SECONDS = 5.0
 ENDLESS = 10**6  # more steps than are taken
+TIMES = 100  # that a sequence stands in a training's data: its frames are never in memory
 
 
 def pipeline_rates(networks, sequence: KittiSequence) -> list[dict[str, float]]:
     """A row for each number of cores and of worker processes, of batches that nobody trains on.
 
     Cores are doubled up to all that this process may use. Workers: none (threads of this process),
-    half as many as cores, and as many. Samples are those of the default training configuration.
+    half as many as cores, and as many. Samples are those of the default training configuration,
+    each read from its file.
     """
     from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
     from training.detector_task import DetectorTask
     from training.tracker_task import TrackerTask
 
     detector, tracker, _ = networks
-    schedule, data = ScheduleConfig(batch_size=4), ([sequence], [])
+    schedule, data = ScheduleConfig(batch_size=4), ([sequence] * TIMES, [])
     detection = DetectorTrainingConfig(detector=detector.config, schedule=schedule)
     tracking = TrackerTrainingConfig(tracker=tracker.config, schedule=schedule)
     tasks = {

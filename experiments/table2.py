@@ -26,7 +26,7 @@ from common.flags import ArgumentParser, positive_int, run
 from common.markdown import cell, markdown
 from common.progress import Progress
 from common.provenance import ROOT
-from experiments.pipeline_rates import pipeline_rates
+from experiments.pipeline_rates import TIMES, pipeline_rates
 from experiments.runs import write
 from kitti.scans.point_arrays import sample_points
 from kitti.sequence import KittiSequence
@@ -134,7 +134,7 @@ def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, f
 
     schedule = ScheduleConfig(batch_size=4)
     training = DetectorTrainingConfig(detector=config, schedule=schedule)
-    task = DetectorTask(training, [sequence], [])
+    task = DetectorTask(training, [sequence] * TIMES, [])
     with tempfile.TemporaryDirectory() as folder:
         run = start(lambda: task, make_strategy("one"), folder, {})
     batches, step = iter(training_data(run, 0, 2 * repeats + 4)), compile_train_step(run)
