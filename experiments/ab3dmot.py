@@ -16,6 +16,7 @@ from evaluation.config import EvaluateConfig
 from evaluation.run import check_writable, make_provider
 from evaluation.tracking_loop import track_scene
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, AB3DMOT_SEQUENCES
+from experiments.record import measured_with
 from experiments.runs import make_parser, write
 from kitti.seqmap import sequence_name
 from metrics.protocols import Entry, Kitti2d, Kitti3d, metrics_of
@@ -36,22 +37,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--detections", required=True, help="folder of PointRCNN detections")
     args = parser.parse_args(argv)
     check_writable(args.out)
-    entries, poses = _tracked(args)
-    figures: dict[str, Any] = {
-        name: _at_best(Kitti3d(entries, min_iou, space), entries, over_recall=True)
-        for name, (space, min_iou) in SPACES.items()
-    }
-    figures["kitti2d (TrackEval)"] = _at_best(Kitti2d(entries), entries)
-    text = f"Ego-motion compensation: {'from poses/' if poses else 'off (no poses/)'}.\n\n"
-    write(args.out, "ab3dmot", "AB3DMOT on PointRCNN detections", text + _table(figures), figures)
-
-
-def _at_best(protocol, entries: list[Entry], **options: bool) -> dict[str, Any]:
-    """Metrics over all sequences at the score threshold of the best MOTA."""
-    return metrics_of(protocol, entries, best=True, **options)["overall"]
-
-
-def _tracked(args) -> tuple[list[Entry], bool]:
     config = EvaluateConfig(
         data_root=args.data_root,
         seqs=args.seqs,
@@ -59,6 +44,25 @@ def _tracked(args) -> tuple[list[Entry], bool]:
         detections=args.detections,
         tracker="ab3dmot",
     )
+    details = measured_with([config])
+    entries, poses = _tracked(config)
+    figures: dict[str, Any] = {
+        name: _at_best(Kitti3d(entries, min_iou, space), entries, over_recall=True)
+        for name, (space, min_iou) in SPACES.items()
+    }
+    figures["kitti2d (TrackEval)"] = _at_best(Kitti2d(entries), entries)
+    text = f"Ego-motion compensation: {'from poses/' if poses else 'off (no poses/)'}.\n\n"
+    title = "AB3DMOT on PointRCNN detections"
+    write(args.out, "ab3dmot", title, text + _table(figures), figures, **details)
+
+
+def _at_best(protocol, entries: list[Entry], **options: bool) -> dict[str, Any]:
+    """Metrics over all sequences at the score threshold of the best MOTA."""
+    return metrics_of(protocol, entries, best=True, **options)["overall"]
+
+
+def _tracked(config: EvaluateConfig) -> tuple[list[Entry], bool]:
+    """The tracks of every sequence; whether there are poses of all."""
     scenes = config.open_scenes()
     provider = make_provider(config, scenes)
 

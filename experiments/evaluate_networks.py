@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from common.config import to_dict
 from common.flags import finite_float, positive_int, run
 from common.markdown import markdown
-from evaluation.config import EvaluateConfig
+from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
 from evaluation.side_by_side import OURS, SIDE_BY_SIDE, evaluate_cached
+from experiments.record import measured_with
 from experiments.runs import make_parser, shown, write
 from kitti.ground import fit_ground
 from kitti.iou import iou_3d
@@ -82,6 +82,22 @@ def end_point_errors(scene: Scene, cached: CachedPredictions) -> np.ndarray:
     return np.concatenate(errors)
 
 
+def on_found_boxes(config: EvaluateConfig) -> list[EvaluateConfig]:
+    """Every tracker on the detector's boxes, at each least IoU."""
+    protocols = CLEAR3D if config.object_shift else (*CLEAR3D, "kitti3d")  # shifts leave its image
+    return [
+        replace(config, tracker=tracker, iou=min_iou, protocols=protocols)
+        for min_iou in MIN_IOUS
+        for tracker in SIDE_BY_SIDE
+    ]
+
+
+def on_true_boxes(config: EvaluateConfig) -> list[EvaluateConfig]:
+    """PointTrackNet on labelled boxes."""
+    true = replace(config, detections=GROUND_TRUTH, score_threshold=None)
+    return [replace(true, tracker=tracker) for tracker in OURS]
+
+
 def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dict[str, Any]:
     """All metrics at one object shift and seed; writes the trackers' results to `out`."""
     scenes, distance = config.open_scenes(), config.object_shift
@@ -97,22 +113,19 @@ def measure(config: EvaluateConfig, cached: CachedPredictions, out: Path) -> dic
         metrics[f"precision@{i}"] = _ratio(total[f"hits@{i}"], total["found"])
     errors = np.concatenate([end_point_errors(scene, cached) for scene in scenes])
     metrics["end-point error (m)"] = float(errors.mean()) if len(errors) else None
-    protocols = CLEAR3D if distance else (*CLEAR3D, "kitti3d")  # shifts leave KITTI's image
-    records = {}
-    for min_iou in MIN_IOUS:
-        for tracker in SIDE_BY_SIDE:
-            chosen = replace(config, iou=min_iou, protocols=protocols)
-            folder = out / f"{tracker}-{min_iou}"
-            records[min_iou, tracker] = evaluate_cached(chosen, cached, tracker, folder)
-    for protocol in protocols:
+    found = {
+        each: evaluate_cached(each, cached, each.tracker, out / f"{each.tracker}-{each.iou}")
+        for each in on_found_boxes(config)
+    }
+    for protocol in next(iter(found)).protocols:
         title = "" if protocol == "clear3d" else f"{protocol} "
-        for (min_iou, tracker), record in records.items():
-            metrics[f"{title}MOTA@{min_iou}, {tracker}"] = record[protocol]["overall"]["MOTA"]
-    true = replace(config, detections="gt", score_threshold=None)
-    for tracker in OURS:
-        chosen = replace(true, tracker=tracker, out=out / f"{tracker}-gt")
+        for each, record in found.items():
+            mota = record[protocol]["overall"]["MOTA"]
+            metrics[f"{title}MOTA@{each.iou}, {each.tracker}"] = mota
+    for each in on_true_boxes(config):
+        chosen = replace(each, out=out / f"{each.tracker}-gt")
         record = evaluate(chosen, provider=LabelBoxesWithPredictedMotion(cached))
-        metrics[f"MOTA@0.5, {tracker} on true boxes"] = record["clear3d"]["overall"]["MOTA"]
+        metrics[f"MOTA@0.5, {each.tracker} on true boxes"] = record["clear3d"]["overall"]["MOTA"]
     return metrics
 
 
@@ -143,22 +156,27 @@ def main(argv: Sequence[str] | None = None) -> None:
     add("--seeds", type=positive_int, default=1, help="of the object shift")
     args = parser.parse_args(argv)
     cached = CachedPredictions(args.out / "network_cache", args.weights)
+    configs = [
+        EvaluateConfig(
+            data_root=args.data_root,
+            seqs=args.seqs,
+            detections=NETWORK,
+            tracker="pointtracknet",
+            weights=args.weights,
+            object_shift=distance,
+            seed=seed,
+            score_threshold=args.score_threshold,
+        )
+        for distance, seeds in ((0.0, 1), (2.0, args.seeds))
+        for seed in range(seeds)
+    ]
+    details = measured_with(
+        each for config in configs for each in (*on_found_boxes(config), *on_true_boxes(config))
+    )
     columns: dict[float, list[dict[str, Any]]] = {}
-    for distance, seeds in ((0.0, 1), (2.0, args.seeds)):
-        for seed in range(seeds):
-            config = EvaluateConfig(
-                data_root=args.data_root,
-                seqs=args.seqs,
-                detections="network",
-                tracker="pointtracknet",
-                weights=args.weights,
-                object_shift=distance,
-                seed=seed,
-                score_threshold=args.score_threshold,
-            )
-            out = args.out / f"D{distance:g}-seed{seed}"
-            columns.setdefault(distance, []).append(measure(config, cached, out))
-    details = {"config": to_dict(config)}
+    for config in configs:
+        out = args.out / f"D{config.object_shift:g}-seed{config.seed}"
+        columns.setdefault(config.object_shift, []).append(measure(config, cached, out))
     write(args.out, "networks", "The networks", table(columns), columns, **details)
 
 

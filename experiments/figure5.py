@@ -23,6 +23,7 @@ from experiments.runs import (
     add_network_flags,
     add_shift_flags,
     common_fields,
+    details_of,
     make_parser,
     mean_and_spread,
     measure_rows,
@@ -68,6 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for tracker in trackers
         for distance in distances
     }
+    details = details_of(rows.values(), args.seeds)
     values = measure_rows(rows, args.seeds, "figure 5")
     curves: Curves = {}
     for (boxes, tracker, distance), metrics in values.items():
@@ -78,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for (boxes, tracker, distance), metrics in values.items()
     ]
     write_text(args.out / "figure5.csv", csv_text(curves))
-    write_json(args.out / "figure5.json", {"run": provenance(), "figures": figures})
+    write_json(args.out / "figure5.json", {"run": provenance(**details), "figures": figures})
     draw(args.out / "figure5.png", curves)
     print(csv_text(curves), end="")
 

@@ -20,6 +20,7 @@ from evaluation.config import GROUND_TRUTH, EvaluateConfig, parse_names, parse_s
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import check_writable, evaluate
+from experiments.record import measured_with
 from kitti.object_shift import DEFAULT_READING, ObjectShift
 
 Key = TypeVar("Key", bound=Hashable)
@@ -201,6 +202,11 @@ def measure_rows(
     over = {key: over_seeds(run, seeds) for key, run in rows.items()}
     found = measure_all((run for runs in over.values() for run in runs), description)
     return {key: [found[run] for run in runs] for key, runs in over.items()}
+
+
+def details_of(rows: Iterable[Run], seeds: int) -> dict[str, Any]:
+    """What rows under several seeds are measured with, for `write`: see `measured_with`."""
+    return measured_with(run.config for row in rows for run in over_seeds(row, seeds))
 
 
 def mean_and_spread(values: list[float | None]) -> tuple[float | None, float]:

@@ -26,6 +26,7 @@ from experiments.runs import (
     add_network_flags,
     add_shift_flags,
     common_fields,
+    details_of,
     make_parser,
     measure_rows,
     network_fields,
@@ -68,8 +69,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         for tracker in part.trackers
         for distance in DISTANCES
     }
+    details = details_of(rows.values(), args.seeds)
     values = measure_rows(rows, args.seeds, "table 5")
-    write(args.out, "table5", "Table V", _tables(parts, values, args.seeds), _figures(values))
+    text = _tables(parts, values, args.seeds)
+    write(args.out, "table5", "Table V", text, _figures(values), **details)
 
 
 def parts_of(args) -> list[Part]:

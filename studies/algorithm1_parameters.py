@@ -20,6 +20,7 @@ from common.progress import progress
 from evaluation.detections import DetectionFiles
 from evaluation.scene import open_scenes
 from evaluation.tracking_loop import track_scene
+from experiments.record import data_record
 from experiments.runs import make_parser, write
 from kitti.objects import VEHICLES
 from metrics.protocols import Entry, evaluate_protocol
@@ -96,7 +97,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     trials = [{"noise": t.noise, "parameters": t.parameters, "clear3d": m} for t, m in rows]
     config = {name: str(value) for name, value in vars(args).items()}
     title = "Algorithm 1's parameters"
-    write(args.out, "algorithm1_parameters", title, text, trials, config=config)
+    details = {"config": config, "data": [data_record(args.data_root, args.seqs)]}
+    write(args.out, "algorithm1_parameters", title, text, trials, **details)
 
 
 if __name__ == "__main__":

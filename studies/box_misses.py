@@ -18,11 +18,14 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, positive_int, run
 from common.markdown import cell, markdown
 from common.provenance import provenance
+from experiments.record import data_record, weights_sha256
 from kitti.boxes import points_in_boxes
 from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
+from models.boxes.box_score import FILE_NAME as SCORER
 from models.boxes.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
+from models.weight_files import DETECTOR
 from models.weights import load_detector, network_hash
 from training.scoring.box_candidates import CandidateFinder, Candidates
 
@@ -75,15 +78,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     add("--score_threshold", type=finite_float, help="least score (default: that of the weights)")
     add("--out", type=Path, required=True, help="folder for the list")
     flags = parser.parse_args(argv)
-    sequences = open_sequences(flags.data_root, parse_sequences(flags.seqs))
-    detector = load_detector(flags.weights / "detector.npz")
+    seqs = parse_sequences(flags.seqs)
+    sequences = open_sequences(flags.data_root, seqs)
+    detector = load_detector(flags.weights / DETECTOR)
     scorer = load_scorer(flags.weights, network_hash(detector))
     min_score = flags.score_threshold
     if min_score is None:
         min_score = default_min_score(flags.weights)
     (frames,) = CandidateFinder(detector, DecodingConfig()).find_all(sequences, every=flags.every)
     rows = [m for f in frames for m in misses(f, f.scores(scorer), min_score, flags.points)]
-    record = provenance(min_score=min_score)
+    record = provenance(
+        min_score=min_score,
+        data=[data_record(flags.data_root, seqs)],
+        weights_sha256=weights_sha256(flags.weights, (DETECTOR, SCORER)),
+    )
     text = table(rows, record["command"])
     total = sum(int((frame.points >= flags.points).sum()) for frame in frames)
     write_text(flags.out / "box_misses.md", text)

@@ -17,10 +17,11 @@ from typing import Any
 from common import flags
 from common.markdown import markdown
 from common.progress import progress
+from evaluation.config import EvaluateConfig
 from evaluation.detections import LabelBoxes
-from evaluation.scene import open_scenes
 from evaluation.tracking_loop import track_scene
 from experiments.paper import TABLE5
+from experiments.record import measured_with
 from experiments.runs import (
     SPAWN,
     WORKERS,
@@ -30,7 +31,6 @@ from experiments.runs import (
     shown,
     write,
 )
-from kitti.object_shift import ObjectShift
 from metrics.protocols import Entry, evaluate_protocol
 from tracking import make_tracker
 from tracking.deep_sort import noise_of_scale
@@ -47,12 +47,17 @@ class Trial:
     distance: float
     seed: int
 
+    def config(self, fields: dict[str, Any]) -> EvaluateConfig:
+        """The evaluation with DEEP_SORT's own noise; `fields` as of `common_fields`."""
+        shift = {"object_shift": self.distance, "seed": self.seed}
+        return EvaluateConfig(tracker="deep_sort", **shift, **fields)
 
-def measure(trial: Trial, fields: dict[str, Any]) -> float:
-    """MOTA of DEEP_SORT on ground-truth boxes, `clear3d`."""
-    shift = ObjectShift(trial.distance, trial.seed) if trial.distance else None
-    classes, entries = fields["classes"], []
-    for scene in open_scenes(fields["data_root"], fields["seqs"], "training", shift):
+
+def measure(trial: Trial, fields: dict[str, Any]) -> float | None:
+    """MOTA of DEEP_SORT on ground-truth boxes, `clear3d`; None without a labelled box."""
+    config = trial.config(fields)
+    classes, entries = config.classes, []
+    for scene in config.open_scenes():
         tracker = make_tracker("deep_sort", noise=noise_of_scale(trial.scale))
         results = track_scene(scene, LabelBoxes(classes), tracker, classes)
         entries.append(Entry(scene.name, scene.num_frames, scene.objects, results))
@@ -70,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for scale, distance in product(SCALES, DISTANCES)
         for seed in range(args.seeds if distance else 1)
     ]
+    details = measured_with(trial.config(fields) for trial in trials)
     with ProcessPoolExecutor(WORKERS, SPAWN) as pool:
         found = pool.map(measure, trials, [fields] * len(trials))
         motas = list(progress(found, len(trials), "DEEP_SORT's noise", "trials"))
@@ -86,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     text = f"MOTA over {args.seeds} seeds of the object shift; * is nearest to the paper.\n\n"
     text += markdown(["noise of the box", *(f"D = {d:g} m" for d in DISTANCES)], lines)
     figures = [{**asdict(t), "MOTA": mota} for t, mota in zip(trials, motas, strict=True)]
-    write(args.out, "deep_sort_noise", "DEEP_SORT's filter noise", text, figures)
+    write(args.out, "deep_sort_noise", "DEEP_SORT's filter noise", text, figures, **details)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from experiments.runs import (
     Run,
     add_shift_flags,
     common_fields,
+    details_of,
     make_parser,
     measure_rows,
     shown,
@@ -71,7 +72,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         + _table("validation sequences", validation)
     )
     title = "Readings of the displacement"
-    write(args.out, "displacement_readings", title, text, figures)
+    details = details_of([*rows.values(), *chosen.values()], args.seeds)
+    write(args.out, "displacement_readings", title, text, figures, **details)
 
 
 def nearest(measured: Measured) -> tuple[str, bool, str]:

@@ -24,6 +24,7 @@ from common.flags import (
 )
 from common.markdown import cell, markdown
 from evaluation.scene import Scene, open_scenes
+from experiments.record import data_record
 from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.object_shift import ObjectShift
@@ -142,8 +143,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     flags = parser.parse_args(argv)
     shift = ObjectShift(flags.object_shift, flags.seed) if flags.object_shift else None
     scenes = open_scenes(flags.data_root, flags.seqs, shift=shift)
+    data = [data_record(flags.data_root, flags.seqs)]
     found = [errors_of(scene, flags.results) for scene in scenes]
-    write(flags.out, "track_errors", "Tracking errors", table(found, flags.longest), found)
+    text = table(found, flags.longest)
+    write(flags.out, "track_errors", "Tracking errors", text, found, data=data)
 
 
 if __name__ == "__main__":

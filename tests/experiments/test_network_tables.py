@@ -8,6 +8,7 @@ from helpers.small_weights import write_weights
 
 from evaluation.network_cache import CachedPredictions
 from experiments import figure5, table5, table6
+from models.config import DecodingConfig
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +45,12 @@ def test_networks_run_once(root, tmp_path):
     assert curves["gt", "pointtracknet", 2] == rows[true, "pointtracknet", 2.0]
     assert curves["network", "ab3dmot", 0] == rows[found, "ab3dmot", 0.0]
     assert [f["tracker"] for f in read("table6")] == list(table6.SIDE_BY_SIDE)
+    for name in ("table5", "table6", "figure5"):
+        run = json.loads((tmp_path / "tables" / f"{name}.json").read_text())["run"]
+        assert set(run["weights_sha256"]) == {"detector.npz", "tracker.npz"}
+        assert [part["sequences"] for part in run["data"]] == [{"0000": 3}]
+        found = [c for c in run["configs"] if c["detections"] == "network"]
+        assert found and all(c["min_box_score"] == DecodingConfig().min_score for c in found)
     text = (tmp_path / "tables" / "table6.md").read_text()
     assert "paper: PointTrackNet, test server" in text and "0.6823" not in text.split("paper")[0]
 

@@ -67,6 +67,9 @@ def test_table5_has_parts_for_both_classes_beside_the_papers_rows(tiny_root, tmp
     assert used["Algorithm 1"] == "of the labels" and used["paper: PointTrackNet"] == "predicted"
     figures = json.loads((tmp_path / "table5.json").read_text())
     assert "versions" in figures["run"]
+    configs = figures["run"]["configs"]
+    assert [c["object_shift"] for c in configs] == [0.0, 2.0] * 3  # parts
+    assert configs[-1]["min_box_score"] == table5.MIN_SCORE
     per_seed = {(f["tracker"], f["displacement"]): f["per_seed"] for f in figures["figures"]}
     assert len(per_seed["sort", 0.0]) == 1 and len(per_seed["sort_image", 2.0]) == 2
     assert per_seed["gt_displacement", 0.0][0]["IDS"] == 0
