@@ -1,6 +1,5 @@
 """The demo: data, networks, trackers, pictures, page; finished steps are skipped."""
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from evaluation.run import TRACKS, check_writable
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
 from experiments.paper import TABLE5, TABLE5_COLUMNS
+from experiments.record import data_record, weights_sha256
 from experiments.runs import TRACKER_NAMES
 from kitti.labels import read_results
 from kitti.objects import VEHICLES, Objects
@@ -39,6 +39,7 @@ PICTURE_CODE = {
     "modules": ["visualization.gallery", "visualization.page"],
     "files": sorted((ROOT / "visualization" / "web").iterdir()),
 }
+CACHE = "demo_cache"  # of the demo alone, which deletes what it no longer needs
 SCENE = "scene.html"
 BOXES = "boxes.json"
 SCENE_CAPTION = "The drive in 3-D, to turn: two trackers side by side, errors marked frame by frame"
@@ -104,7 +105,7 @@ class Demo:
 
     def __init__(self, config: DemoConfig):
         self.config, self.steps = config, Steps(config.out)
-        self.cached = CachedPredictions(config.out / "network_cache", config.weights)
+        self.cached = CachedPredictions(config.out / CACHE, config.weights)
         self.simulated = config.data_root is None
         self.data_root = config.out / "data" if self.simulated else config.data_root
         first = OWN_SEQUENCES["val"][0]
@@ -161,9 +162,10 @@ class Demo:
 
     def evaluate(self, distance: float) -> dict[str, Any]:
         """Every tracker on the same boxes: tracker -> its record."""
-        boxes = [self.cached.path(scene).name for scene in self.scenes[distance]]
-        config = self.evaluation(distance)
-        key = key_of(boxes, config, modules=["evaluation.side_by_side"])
+        scenes, config = self.scenes[distance], self.evaluation(distance)
+        boxes = [self.cached.path(scene).name for scene in scenes]
+        poses = [s.sequence.poses_path for s in scenes if s.sequence.has_poses]
+        key = key_of(boxes, config, modules=["evaluation.side_by_side"], files=poses)
         records = {}
         for tracker in SIDE_BY_SIDE:
             path = self.folder(distance, tracker) / "record.json"
@@ -244,10 +246,15 @@ class Demo:
         scene, path = self.scenes[distance][self._shown], self.config.out / SCENE
         trackers = {name: self._tracks(distance, scene, name) for name in ("pointtracknet", "sort")}
         files = [self.folder(distance, name) / "record.json" for name in trackers]
-        key = key_of([file.read_bytes() for file in files], **PICTURE_CODE)
+        iou = self.config.iou
+        key = key_of([file.read_bytes() for file in files], iou, **PICTURE_CODE)
         clip = Clip.of_scene(scene, Objects.empty())
         title = f"sequence {scene.name}, objects shifted by up to {distance:g} m"
-        self.steps.run("scene", key, [path], lambda: draw_scene(clip, trackers, title, path))
+
+        def make():
+            draw_scene(clip, trackers, title, path, min_iou=iou)
+
+        self.steps.run("scene", key, [path], make)
 
     def report(self, records: dict[float, dict[str, Any]]) -> dict[str, Any]:
         """Writes metrics.json, table.md and index.html; prints the table and the paths."""
@@ -260,10 +267,8 @@ class Demo:
         run = provenance(
             config=to_dict(self.config),
             data=self._data(),
-            weights_sha256={
-                path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-                for path in network_files(self.config.weights)
-            },
+            weights_sha256=weights_sha256(self.config.weights),
+            min_box_score=self.evaluation(0.0).min_box_score,
         )
         metrics = {
             "run": run,
@@ -287,11 +292,8 @@ class Demo:
         return metrics
 
     def _data(self) -> dict[str, Any]:
-        first = next(iter(self.scenes.values()))
-        return {
-            "source": "simulated, held-out traffic" if self.simulated else str(self.data_root),
-            "sequences": {scene.name: len(scene.frames) for scene in first},
-        }
+        source = "simulated, held-out traffic" if self.simulated else str(self.data_root)
+        return {"source": source, **data_record(self.data_root, self.seqs)}
 
     def _notes(self, boxes: Mapping[str, int]) -> list[str]:
         source = (

@@ -3,7 +3,9 @@
 import json
 import re
 
+import numpy as np
 import pytest
+from helpers import two_cars
 from helpers.small_weights import write_weights
 from PIL import Image
 
@@ -11,6 +13,8 @@ import demo
 from common import flags
 from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments import demo as experiment
+from experiments.record import weights_sha256
+from kitti.objects import Objects
 from visualization.gallery import pictures
 
 TINY = ("--sequences", "1", "--frames", "5", "--animation_frames", "3")
@@ -36,7 +40,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
         patch.setattr(experiment, "draw_tracks", interrupt)
         assert _run(out, weights) == flags.INTERRUPTED
     assert not (out / "metrics.json").exists()
-    cached = {path: path.stat().st_mtime_ns for path in (out / "network_cache").iterdir()}
+    cached = {path: path.stat().st_mtime_ns for path in (out / experiment.CACHE).iterdir()}
     assert len(cached) == 2  # one sequence at 0 and at 2 m
 
     assert _run(out, weights) == 0  # resumes: the networks' outputs and the data are kept
@@ -49,7 +53,10 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
         gt = {record["clear3d"]["overall"]["GT"] for record in trackers.values()}
         assert len(gt) == 1
         assert all(r["seconds_per_frame"]["total"] > 0 for r in trackers.values())
-    assert {"python", "numpy", "tensorflow"} <= set(metrics["run"]["versions"])
+    run = metrics["run"]
+    assert {"python", "numpy", "tensorflow"} <= set(run["versions"])
+    assert run["data"]["sequences"] == {"0016": 5} and run["data"]["simulated"]["seed"] == 0
+    assert run["weights_sha256"] == weights_sha256(weights) and 0 < run["min_box_score"] < 1
     table = (out / "table.md").read_text()
     assert "| PointTrackNet, no probation |" in table and "paper, KITTI" in table
     assert table.splitlines()[4] in printed
@@ -77,8 +84,55 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
 
     other = write_weights(tmp_path / "other", seed=1)
     assert _run(out, other) == 0  # other weights: everything that depends on them is new
-    assert not set(cached) & set((out / "network_cache").iterdir())
+    assert not set(cached) & set((out / experiment.CACHE).iterdir())
     assert all(path.stat().st_mtime_ns > made[path] for path in made)
+
+
+@pytest.fixture
+def recorded(tmp_path) -> experiment.Demo:
+    """The demo of a recorded sequence, with files in place of the networks."""
+    two_cars.write_sequence(tmp_path / "data", 0, frames=3)
+    for name in ("detector.npz", "tracker.npz"):
+        (tmp_path / name).write_bytes(b"")
+    folders = {"out": tmp_path / "out", "weights": tmp_path, "data_root": tmp_path / "data"}
+    return experiment.Demo(experiment.DemoConfig(**folders, seqs=(0,), iou=0.3))
+
+
+def test_new_poses_are_evaluated(recorded, monkeypatch):
+    evaluated = []
+    monkeypatch.setattr(
+        experiment, "evaluate_cached", lambda _, cached, tracker, out: evaluated.append(tracker)
+    )
+    recorded.evaluate(0.0)
+    recorded.evaluate(0.0)
+    assert evaluated == list(SIDE_BY_SIDE)
+    poses = recorded.data_root / "poses" / "0000.txt"
+    poses.parent.mkdir()
+    poses.write_text((" ".join(map(str, np.eye(4)[:3].ravel())) + "\n") * 3)
+    recorded.evaluate(0.0)
+    assert evaluated == 2 * list(SIDE_BY_SIDE)
+
+
+def test_the_scene_counts_errors_as_the_table_does(recorded, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(experiment, "draw_scene", lambda *_, min_iou: drawn.append(min_iou))
+    monkeypatch.setattr(recorded, "_tracks", lambda *_: Objects.empty())
+    for name in ("pointtracknet", "sort"):
+        folder = recorded.folder(2.0, name)
+        folder.mkdir(parents=True)
+        (folder / "record.json").write_text("{}")
+    recorded.draw_drive()
+    assert drawn == [0.3]
+
+
+def test_outputs_that_others_have_cached_stay(recorded, monkeypatch):
+    monkeypatch.setattr(recorded.cached, "fill_all", lambda *_: None)
+    ours, others = (recorded.config.out / name for name in (experiment.CACHE, "network_cache"))
+    for folder in (ours, others):
+        folder.mkdir(parents=True)
+        (folder / "0000-0123456789abcdef.npz").touch()
+    recorded.fill_cache()
+    assert len(list(others.iterdir())) == 1 and not list(ours.iterdir())
 
 
 def test_missing_weights_end_with_one_line_and_code_2(tmp_path, capsys, monkeypatch):
