@@ -5,12 +5,12 @@ sets the initial weights and the order of the pairs. The last checkpoint is eval
 depends on the evaluated sequences. Each tracker is evaluated on the detector's boxes and on true
 ones, at displacement 0 and 2 m (one draw of the object shift; the spread is that of the trainings).
 Both tables share a workdir and their common row. It stores trainings, outputs of the detector and
-metrics; an interrupted table resumes, and two processes with one workdir share the trainings.
+metrics; an interrupted table resumes, and two processes with one workdir share the trainings. A
+workdir is refused where settings, networks, scans or the code that measures have changed.
 """
 
 import argparse
 import gc
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -25,20 +25,36 @@ from common.config import to_dict
 from common.config_flags import add_flags, from_flags
 from common.errors import InputError
 from common.files import locked, write_json
+from common.provenance import ROOT, git_commit
+from common.steps import key_of
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
+from evaluation.network_cache import _digest_of_data, code_digest
 from evaluation.run import check_writable, evaluate
+from evaluation.scene import Scene
 from experiments.ablation.table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
+from experiments.record import weights_sha256
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
 from models.boxes.box_score import FILE_NAME as SCORER
 from models.config import TrackerConfig
+from models.weight_files import DETECTOR
 from training.config import AugmentationConfig, ScheduleConfig, TrackerTrainingConfig
 from training.sampling.data import TrainingData, add_data_flags, open_data
 
 DISTANCES = (0.0, 2.0)
 TABLE_FIELDS = ("fusion", "fusion_keeps_features", "fused_features")
+MODULES = (
+    "training.loop",
+    "training.training_run",
+    "training.strategies",
+    "training.stored_pairs",
+    "evaluation.run",
+    "experiments.ablation.stored_frames",
+)
+"""What they import shapes the metrics of a row, as these files do; text and plot do not."""
+FILES = (Path(__file__), ROOT / "experiments" / "evaluate_networks.py")
 
 
 @dataclass(frozen=True)
@@ -99,10 +115,13 @@ def run_ablation(table: Ablation, doc: str, argv: Sequence[str] | None = None) -
     config, data = from_flags(default_config(), args), open_data(args)
     check_writable(args.out)
     settings = check_settings(args, config, data)
-    figures = measure_rows(table, args, config, data)
+    records = measure_rows(table, args, config, data)
+    figures = {name: [each["metrics"] for each in found] for name, found in records.items()}
+    commits = dict.fromkeys(each["git_commit"] for found in records.values() for each in found)
     paper = {row.name: table.paper[row.paper] for row in table.rows if row.paper}
-    record = {"settings": settings, "rows": figures}
-    write(args.out, table.name, table.title, text_of(figures, paper, config.schedule), record)
+    text = text_of(figures, paper, config.schedule)
+    measured = {"settings": settings, "rows": figures}
+    write(args.out, table.name, table.title, text, measured, row_commits=list(commits))
     draw(args.out / f"{table.name}.png", table.title, figures, paper)
 
 
@@ -138,19 +157,18 @@ def check_settings(
     args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
 ) -> dict[str, Any]:
     """Settings of all rows; refuses a workdir with rows of other settings."""
-    if not (args.weights / "detector.npz").is_file():
-        raise InputError("--weights: expected a checkpoint file", args.weights / "detector.npz")
+    if not (args.weights / DETECTOR).is_file():
+        raise InputError("--weights: expected a checkpoint file", args.weights / DETECTOR)
     shared = to_dict(config)
     for name in TABLE_FIELDS:
         del shared["tracker"][name]
-    scorer = args.weights / SCORER  # of the boxes; perhaps none
+    sequences = (*data.training, *data.validation)
     settings = {
         "config": shared,
         "data": data.record(),
-        "detector_sha256": hashlib.sha256((args.weights / "detector.npz").read_bytes()).hexdigest(),
-        "scorer_sha256": hashlib.sha256(
-            scorer.read_bytes() if scorer.is_file() else b""
-        ).hexdigest(),
+        "scans": key_of([_digest_of_data(Scene(sequence)) for sequence in sequences]),
+        "weights_sha256": weights_sha256(args.weights, (DETECTOR, SCORER)),
+        "code": key_of(code_digest(), modules=MODULES, files=FILES),
     }
     path = args.workdir / "settings.json"
     if path.is_file():
@@ -164,12 +182,12 @@ def check_settings(
 
 def measure_rows(
     table: Ablation, args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
-) -> dict[str, list[list[dict[str, Any]]]]:
-    """Row -> metrics of each seed; all rows of a seed before the next seed.
+) -> dict[str, list[dict[str, Any]]]:
+    """Row -> commit and metrics of each seed; all rows of a seed before the next seed.
 
     What another process is measuring in the same workdir comes last.
     """
-    found: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    found: dict[tuple[str, int], dict[str, Any]] = {}
     for wait in (False, True):
         for seed, row in product(range(args.seeds), table.rows):
             if (row.name, seed) in found:
@@ -188,25 +206,26 @@ def row_folder(row: Row, seed: int, args: argparse.Namespace) -> Path:
 
 def measure_row(
     row: Row, seed: int, args: argparse.Namespace, config: TrackerTrainingConfig, data: TrainingData
-) -> list[dict[str, Any]]:
-    """The metrics of a row and seed, from its file or by training and evaluation."""
+) -> dict[str, Any]:
+    """Commit and metrics of a row and seed, from their file or by training and evaluation."""
     folder = row_folder(row, seed, args)
     path = folder / "metrics.json"
     if path.is_file():
         return json.loads(path.read_text(encoding="utf-8"))
     import keras
 
+    commit = git_commit()
     own = replace(
         config,
         tracker=replace(config.tracker, **row.tracker),
         schedule=replace(config.schedule, seed=seed),
     )
     checkpoint = train_row(own, folder, args, config, data)
-    metrics = evaluate_row(checkpoint, folder, args)
-    write_json(path, metrics)
+    record = {"git_commit": commit, "metrics": evaluate_row(checkpoint, folder, args)}
+    write_json(path, record)
     keras.utils.clear_session()  # graphs of this row
     gc.collect()
-    return metrics
+    return record
 
 
 def train_row(
@@ -223,7 +242,7 @@ def train_row(
     from training.training_run import start
 
     workdir, schedule = folder / "training", own.schedule
-    detector, pairs = args.weights / "detector.npz", args.workdir / "pairs"
+    detector, pairs = args.weights / DETECTOR, args.workdir / "pairs"
     task = TrackerTask(config, load_detector(detector), data.training, [])
     size = schedule.batch_size
     order = make_order(task.samples.items, data.pools, 0, size, config.schedule.seed)
@@ -253,7 +272,7 @@ def evaluate_row(checkpoint: Path, folder: Path, args: argparse.Namespace) -> li
     from models.inference import StreamingNetwork
     from models.weights import load_detector, load_tracker, network_hash
 
-    detector = load_detector(args.weights / "detector.npz")
+    detector = load_detector(args.weights / DETECTOR)
     scorer = load_scorer(args.weights, network_hash(detector))
     tracker = load_tracker(checkpoint, detector)
     count = detector.config.num_points  # as the stored pairs

@@ -14,12 +14,14 @@ from helpers.small_weights import write_weights
 from common import flags
 from common.errors import InputError
 from common.files import locked
-from common.provenance import command
+from common.imports import imported_files
+from common.provenance import ROOT, command
 from experiments import table3, table4
 from experiments.ablation import rows as ablation
 from experiments.ablation.rows import DISTANCES, TABLE_FIELDS
 from experiments.ablation.table import differences, order_sentence
 from models.config import TrackerConfig
+from training.sampling.data import open_data
 
 SHORT = ("epochs=1", "frames_per_epoch=2", "batch_size=1")
 
@@ -74,7 +76,9 @@ def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
     cosine, none = ("cosine_distance", "filter+FC1"), ("none", "filter+FC1")
     assert trained == [(*cosine, 0), (*none, 0), (*none, 0), (*cosine, 1), (*none, 1)]
 
-    record = json.loads((tmp_path / "tables" / "table3.json").read_text())["figures"]
+    table = json.loads((tmp_path / "tables" / "table3.json").read_text())
+    assert table["run"]["row_commits"] == [table["run"]["git_commit"]]
+    record = table["figures"]
     assert list(record["rows"]) == list(names)
     for settings in (run for runs in record["rows"].values() for run in runs):
         assert [(s["boxes"], s["displacement"]) for s in settings] == [
@@ -101,6 +105,32 @@ def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
 
     with pytest.raises(InputError, match="holds rows with another config"):
         table3.main([*argv, "--schedule.seed", "1"])
+
+
+def settings_of(root, out):
+    args = ablation.parse(table3.FUSIONS, "", arguments(root, out))
+    return ablation.check_settings(args, ablation.default_config(), open_data(args))
+
+
+def test_a_workdir_of_other_scans_or_code_is_refused(root, tmp_path, monkeypatch):
+    first = settings_of(root, tmp_path)
+    assert settings_of(root, tmp_path) == first
+    scan = root / "training" / "velodyne" / "0001" / "000002.bin"
+    content = scan.read_bytes()
+    scan.write_bytes(content[16:])
+    with pytest.raises(InputError, match="holds rows with another scans: another --workdir"):
+        settings_of(root, tmp_path)
+    scan.write_bytes(content)
+    monkeypatch.setattr(ablation, "code_digest", lambda: b"other")
+    with pytest.raises(InputError, match="holds rows with another code: another --workdir"):
+        settings_of(root, tmp_path)
+
+
+def test_the_digest_of_the_code_has_training_evaluation_and_metrics():
+    names = {str(path.relative_to(ROOT)) for path in imported_files(*ablation.MODULES)}
+    assert {"training/loop.py", "training/tracker_task.py", "metrics/clear3d.py"} <= names
+    assert {"models/losses.py", "tracking/association_to_trajectory.py"} <= names
+    assert all(path.is_file() for path in ablation.FILES)
 
 
 def test_rows_of_another_process_come_last(tmp_path, monkeypatch):
