@@ -2,10 +2,10 @@
 
     python -m studies.decoding_parameters --data_root DIR --seqs 0011 --weights FILE --out DIR
 
-Runs the detector once over frames of a held-out training sequence, and decodes with
-one parameter changed at a time. The metric is 1 - (misses + false boxes) / true boxes at 3-D
-IoU 0.5: MOTA without identity switches. The least score is the best of a sweep.
-Writes decoding_parameters.md and .json.
+Runs the detector once over frames of a held-out training sequence, on the points that it gets in
+tracking, and decodes with one parameter changed at a time. The metric is 1 - (misses + false
+boxes) / true boxes at 3-D IoU 0.5: MOTA without identity switches. The least score is the best of a
+sweep. Writes decoding_parameters.md and .json.
 """
 
 import dataclasses
@@ -20,15 +20,16 @@ from common.flags import non_negative_float, non_negative_int, positive_int, run
 from common.markdown import markdown
 from common.progress import progress
 from evaluation.scene import Scene, open_scenes
+from experiments.record import data_record, weights_sha256
 from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.object_shift import ObjectShift
 from kitti.objects import VEHICLES
-from kitti.scans.point_arrays import sample_points
 from metrics.scored_boxes import HIT, outcomes_of
 from models.boxes.box_decoding import decode_detections
 from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs
+from models.inference import sample_scan
 from models.probability_filter import foreground_probability
 from models.weights import load_detector
 
@@ -55,8 +56,7 @@ class Frame(NamedTuple):
 
 def predict(detector, detect, points: np.ndarray, truth: np.ndarray, rng) -> Frame:
     """One frame through the detector; points below every trial's min_probability are dropped."""
-    rows = sample_points(points, detector.config.num_points, rng)
-    xyz = np.ascontiguousarray(points[rows, :3], np.float32)[None]
+    xyz = sample_scan(points, detector.config, None, rng)
     found = tf.nest.map_structure(lambda x: x.numpy(), detect(xyz))
     probability = foreground_probability(tf.constant(found.mask_logits)).numpy()[0]
     likely = probability >= min(TRIALS["min_probability"])
@@ -66,7 +66,7 @@ def predict(detector, detect, points: np.ndarray, truth: np.ndarray, rng) -> Fra
 
 def frames_of(scenes: list[Scene], detector, every: int, seed: int) -> list[Frame]:
     """Every `every`-th frame with a scan."""
-    specification = [tf.TensorSpec([1, detector.config.num_points, 3], tf.float32)]
+    specification = [tf.TensorSpec([1, None, 3], tf.float32)]
 
     @tf.function(input_signature=specification, jit_compile=False)
     def detect(xyz):
@@ -135,7 +135,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         config = dataclasses.replace(default, **{name: value})
         rows.append((name, value, score(frames, detector.config.box, config)))
     figures = [{"parameter": name, "value": value, **best} for name, value, best in rows]
-    write(args.out, "decoding_parameters", "Decoding", _table(default, rows), figures)
+    details = {
+        "data": [data_record(args.data_root, args.seqs)],
+        "weights_sha256": weights_sha256(args.weights.parent, [args.weights.name]),
+    }
+    write(args.out, "decoding_parameters", "Decoding", _table(default, rows), figures, **details)
 
 
 def _table(default: DecodingConfig, rows) -> str:

@@ -1,14 +1,18 @@
 """The choice of the decoding's parameters: counting by hand, and the script from end to end."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from helpers import two_cars
+from helpers.network_cases import SMALL_DETECTOR
 from helpers.small_weights import write_weights
 
 from models.boxes.box_decoding import Detections
 from models.config import DecodingConfig
+from models.detector import BoxPredictions
 from studies import decoding_parameters as module
 
 CAR = np.array([10.0, 0, 0, 4, 2, 1.5, 0])
@@ -34,6 +38,20 @@ def test_the_least_score_is_swept(monkeypatch):
     best = module.score([frame], None, DecodingConfig())
     assert best["accuracy"] == best["recall"] == best["precision"] == 1.0
     assert best["min_score"] == pytest.approx(0.525)
+
+
+def test_the_detector_gets_as_many_points_as_in_tracking(monkeypatch):
+    """Up to 4/3 of N = 128; of a smaller scan all points, repeated up to N."""
+    counts = []
+
+    def detect(xyz):
+        counts.append(xyz.shape[1])
+        return BoxPredictions(*[tf.zeros((1, xyz.shape[1], 2))] * len(BoxPredictions._fields))
+
+    detector = SimpleNamespace(config=SMALL_DETECTOR)
+    for count in (100, 150, 400):
+        module.predict(detector, detect, np.ones((count, 4)), moved(), np.random.default_rng(0))
+    assert counts == [128, 150, 170]
 
 
 def test_from_end_to_end(tmp_path, monkeypatch, capsys):
