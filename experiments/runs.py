@@ -13,6 +13,7 @@ from statistics import mean, stdev
 from typing import Any, TypeVar
 
 from common import flags
+from common.errors import InputError
 from common.files import write_json, write_text
 from common.progress import Progress
 from common.provenance import provenance
@@ -50,12 +51,21 @@ def make_parser(doc: str, seqs: str = "0016-0020") -> flags.ArgumentParser:
     return parser
 
 
+def parse_classes(text: str) -> tuple[str, ...]:
+    """argparse type: "car,van" -> ("Car", "Van"), the names as `EvaluateConfig` spells them."""
+    try:
+        return EvaluateConfig(Path(), classes=parse_names(text)).classes
+    except InputError as error:
+        message = str(error).removeprefix("--classes: ")
+        raise argparse.ArgumentTypeError(message) from error
+
+
 def add_shift_flags(parser: flags.ArgumentParser) -> None:
     """Adds --classes and --seeds."""
     add = parser.add_argument
     add(
         "--classes",
-        type=parse_names,
+        type=parse_classes,
         default="Car,Van",
         help="tracked, and evaluated on both sides",
     )
@@ -152,9 +162,10 @@ class Run:
 def measure(run: Run) -> dict[str, Any]:
     """The overall metrics of a run."""
     provider: DetectionProvider | None = run.cached
+    config = run.config
     if provider is not None and run.detections == GROUND_TRUTH:
-        provider = LabelBoxesWithPredictedMotion(provider, run.classes)
-    return evaluate(run.config, run.shift, provider)[run.protocol]["overall"]
+        provider = LabelBoxesWithPredictedMotion(provider, config.classes)
+    return evaluate(config, run.shift, provider)[run.protocol]["overall"]
 
 
 def fill_caches(runs: Iterable[Run]) -> None:

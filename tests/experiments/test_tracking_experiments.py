@@ -5,14 +5,24 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from common.flags import run
 from experiments import ab3dmot, figure5, table5
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, TABLE5, TABLE5_COLUMNS
-from experiments.runs import Run, mean_and_spread, measure, over_seeds, shown
+from experiments.runs import (
+    Run,
+    add_shift_flags,
+    make_parser,
+    mean_and_spread,
+    measure,
+    over_seeds,
+    shown,
+)
 from kitti.object_shift import LENGTHS
 from studies import deep_sort_noise, displacement_readings
+from tracking import FrameDetections
 from tracking.deep_sort import DeepSortParameters, noise_of_scale
 
 
@@ -41,6 +51,37 @@ def test_a_run_without_object_shift_needs_no_seeds(tiny_root):
     assert len(over_seeds(base, 5)) == 1
     moved = Run(tiny_root, (0,), ("Car",), "sort", object_shift=1.0)
     assert [run.seed for run in over_seeds(moved, 3)] == [0, 1, 2]
+
+
+def test_classes_are_named_in_any_case_and_checked_at_once(tiny_root, tmp_path, capsys):
+    parser = make_parser("")
+    add_shift_flags(parser)
+    argv = arguments(tiny_root, tmp_path / "out", "--classes", "car")
+    args = parser.parse_args(argv)
+    assert args.classes == parser.parse_args([*argv, "--classes", "Car"]).classes == ("Car",)
+    args.weights, args.detections = None, "detections"
+    assert [part.title for part in table5.parts_of(args)] == [
+        "Ground-truth boxes of Car",
+        "PointRCNN's boxes of Car, score of at least 2",
+    ]
+    trial, fields = deep_sort_noise.Trial(0.3, 0.0, 0), {"data_root": tiny_root, "seqs": (0,)}
+    motas = [deep_sort_noise.measure(trial, {**fields, "classes": (c,)}) for c in ("car", "Car")]
+    assert motas[0] == motas[1] > 0
+    with pytest.raises(SystemExit):
+        parser.parse_args([*argv, "--classes", "Car,Vam"])
+    assert "--classes: expected among Car,Van" in capsys.readouterr().err
+
+
+def test_label_boxes_of_a_run_are_of_its_classes_in_any_case(tiny_root, monkeypatch):
+    class Motion:
+        """The networks' outputs: no boxes, no motion."""
+
+        def frames(self, scene):
+            for t in scene.frames:
+                yield FrameDetections(t, np.zeros((0, 7)), np.zeros(0))
+
+    monkeypatch.setattr(Run, "cached", Motion())
+    assert measure(Run(tiny_root, (0,), ("car",), "sort"))["TP"] > 0
 
 
 def test_held_shifts_leave_a_tracker_as_it_was(tiny_root):
