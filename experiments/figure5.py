@@ -13,6 +13,7 @@ from pathlib import Path
 
 from common import flags
 from common.files import atomic_path, write_json, write_text
+from common.markdown import cell
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, NETWORK
 from evaluation.side_by_side import OURS
@@ -29,22 +30,25 @@ from experiments.runs import (
     measure_rows,
     network_fields,
 )
+from experiments.table5 import UPPER_BOUND
 
 PANELS = {GROUND_TRUTH: "Ground-truth boxes", NETWORK: "The detector's boxes"}
 BASELINES = ("ab3dmot", "deep_sort", "sort")
 COLORS = {
-    "gt_displacement": "tab:gray",
     "pointtracknet": "tab:red",
     "pointtracknet_no_probation": "tab:pink",
     "ab3dmot": "tab:green",
     "deep_sort": "tab:orange",
     "sort": "tab:blue",
+    UPPER_BOUND: "tab:gray",
 }
 PAPER = {"SORT": "sort", "DEEP_SORT": "deep_sort", "PointTrackNet": "pointtracknet"}
 DISTANCES = "0,0.5,1,1.5,2"
 HEADER = "boxes,tracker,displacement_m,seeds,mota_mean,mota_std\n"
-Curves = dict[tuple[str, str], list[tuple[float, int, float, float]]]
-"""(boxes, tracker) -> distance, seeds, mean and standard deviation of MOTA."""
+Curve = list[tuple[float, int, float | None, float]]
+"""Distance, seeds, mean (None without a labelled vehicle) and standard deviation of MOTA."""
+Curves = dict[tuple[str, str], Curve]
+"""(boxes, tracker) -> its curve."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -56,10 +60,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--distances", type=flags.non_negative_floats, default=DISTANCES, help=text)
     args = parser.parse_args(argv)
     fields, distances = common_fields(args), args.distances
-    panels = {GROUND_TRUTH: ("gt_displacement", *BASELINES)}
+    panels = {GROUND_TRUTH: (*BASELINES, UPPER_BOUND)}
     if args.weights is not None:
         fields |= network_fields(args)
-        panels[GROUND_TRUTH] = ("gt_displacement", *OURS, *BASELINES)
+        panels[GROUND_TRUTH] = (*OURS, *BASELINES, UPPER_BOUND)
         panels[NETWORK] = (*OURS, *BASELINES)
     rows = {
         (boxes, tracker, distance): Run(
@@ -88,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 def csv_text(curves: Curves) -> str:
     """One line per boxes, tracker and displacement."""
     return HEADER + "".join(
-        f"{boxes},{tracker},{distance:g},{seeds},{mean:.6f},{spread:.6f}\n"
+        f"{boxes},{tracker},{distance:g},{seeds},{cell(mean, 6)},{spread:.6f}\n"
         for (boxes, tracker), curve in curves.items()
         for distance, seeds, mean, spread in curve
     )
@@ -117,10 +121,14 @@ def draw(path: Path, curves: Curves) -> None:
         figure.savefig(temporary, dpi=120, metadata={"Software": None})
 
 
-def _curve(axis, tracker: str, curve: list[tuple[float, int, float, float]]) -> None:
-    distance, _, mean, spread = zip(*curve, strict=True)
+def _curve(axis, tracker: str, curve: Curve) -> None:
+    defined = [row for row in curve if row[2] is not None]
+    if not defined:
+        return
+    distance, _, mean, spread = zip(*defined, strict=True)
     color = COLORS[tracker]
-    axis.plot(distance, mean, "o-", ms=4, color=color, label=TRACKER_NAMES[tracker])
+    style = "o--" if tracker == UPPER_BOUND else "o-"  # drawn last: others may lie under it
+    axis.plot(distance, mean, style, ms=4, color=color, label=TRACKER_NAMES[tracker])
     low = [m - s for m, s in zip(mean, spread, strict=True)]
     high = [m + s for m, s in zip(mean, spread, strict=True)]
     axis.fill_between(distance, low, high, color=color, alpha=0.2, linewidth=0)

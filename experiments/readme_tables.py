@@ -13,7 +13,6 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import mean
 from typing import Any
 
 from common.errors import InputError
@@ -23,7 +22,7 @@ from common.markdown import markdown
 from common.provenance import ROOT
 from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments.paper import TABLE5
-from experiments.runs import TRACKER_NAMES, shown
+from experiments.runs import TRACKER_NAMES, mean_and_spread, shown
 
 TABLES = ROOT / "docs" / "tables"
 PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -106,9 +105,11 @@ def _behind(evaluations: Sequence[dict[str, list[dict[str, float]]]], heads: Seq
     parts = []
     for head, figures in zip(heads, columns, strict=False):
         ours, *others = (
-            mean(f[f"MOTA@0.5, {tracker}"] for f in figures)
+            mean_and_spread([f[f"MOTA@0.5, {tracker}"] for f in figures])[0]
             for tracker in ("pointtracknet", *BASELINES)
         )
+        if ours is None:  # without a labelled vehicle
+            continue
         names = zip(map(TRACKER_NAMES.__getitem__, BASELINES), others, strict=True)
         if ahead := [name for name, value in names if value > ours]:
             parts.append(f"{', '.join(ahead)} ({head})")

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import product
-from statistics import mean
 from typing import Any
 
 from common import flags
@@ -28,6 +27,7 @@ from experiments.runs import (
     add_shift_flags,
     common_fields,
     make_parser,
+    mean_and_spread,
     shown,
     write,
 )
@@ -79,11 +79,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     with ProcessPoolExecutor(WORKERS, SPAWN) as pool:
         found = pool.map(measure, trials, [fields] * len(trials))
         motas = list(progress(found, len(trials), "DEEP_SORT's noise", "trials"))
-    by_row: dict[tuple[float, float], list[float]] = {}
+    by_row: dict[tuple[float, float], list[float | None]] = {}
     for trial, mota in zip(trials, motas, strict=True):
         by_row.setdefault((trial.scale, trial.distance), []).append(mota)
     paper = TABLE5["gt"]["DEEP_SORT"]
-    best = min(SCALES, key=lambda s: abs(mean(by_row[s, DISTANCES[-1]]) - paper[DISTANCES[-1]][0]))
+    means = {scale: mean_and_spread(by_row[scale, DISTANCES[-1]])[0] for scale in SCALES}
+    gaps = {s: abs(m - paper[DISTANCES[-1]][0]) for s, m in means.items() if m is not None}
+    best = min(gaps, key=gaps.__getitem__, default=None)
     lines = [
         [f"{scale:g} m{' *' * (scale == best)}", *(shown(by_row[scale, d], 3) for d in DISTANCES)]
         for scale in SCALES

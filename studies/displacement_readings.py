@@ -11,10 +11,10 @@ fitted (`studies.deep_sort_noise`), so it takes no part in the choice.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from statistics import mean
 from typing import Any
 
 from common import flags
+from common.errors import InputError
 from common.markdown import markdown
 from evaluation.config import parse_seqs
 from experiments.paper import TABLE5
@@ -25,6 +25,7 @@ from experiments.runs import (
     common_fields,
     details_of,
     make_parser,
+    mean_and_spread,
     measure_rows,
     shown,
     write,
@@ -77,13 +78,20 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def nearest(measured: Measured) -> tuple[str, bool, str]:
-    """Length, hold and space of the SORT whose mean MOTA is nearest to the paper's."""
+    """Length, hold and space of the SORT whose mean MOTA is nearest to the paper's.
+
+    Raises:
+        InputError: MOTA is undefined, since no object is labelled.
+    """
     paper = TABLE5["gt"]["SORT"][DISTANCE][0]
-    gaps = {
-        key: abs(mean(metrics["MOTA"] for metrics in seeds) - paper)
+    means = {
+        key: mean_and_spread([metrics["MOTA"] for metrics in seeds])[0]
         for key, seeds in measured.items()
         if key[2] in SPACES
     }
+    if None in means.values():
+        raise InputError("expected labelled boxes of --classes in --seqs, found none")
+    gaps = {key: abs(value - paper) for key, value in means.items()}
     return min(gaps, key=gaps.__getitem__)
 
 

@@ -63,7 +63,7 @@ def test_the_record_of_a_table_takes_the_place_of_its_command(tmp_path):
     assert found == f"<!-- table: a -->\nWords.\n\n{line}\n<!-- end -->"
 
 
-def _exam(ours: float, others: float) -> dict[str, list[dict[str, float]]]:
+def _exam(ours: float | None, others: float | None) -> dict[str, list[dict[str, float | None]]]:
     mota = {"pointtracknet": ours, "sort": others, "deep_sort": others, "ab3dmot": 0.1}
     boxes = {f"MOTA@0.5, {name}": value for name, value in mota.items()}
     return {distance: [boxes, boxes] for distance in ("0.0", "2.0")}
@@ -79,6 +79,8 @@ def test_the_summary_names_the_trackers_that_are_ahead():
     )
     assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.3))
     assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.5))
+    undefined = summary(_exam(0.5, 0.2), _exam(None, None))  # no labelled vehicle
+    assert "No baseline is ahead" in undefined and " - " in undefined
 
 
 def test_a_table_that_is_not_there_stands_below_its_command():

@@ -75,6 +75,7 @@ def differences(figures: Figures, setting: tuple[str, float]) -> str:
         name: mean_and_spread([m["clear3d"]["MOTA"] for m in metrics_at(runs, setting)])
         for name, runs in figures.items()
     }
+    values = {name: value for name, value in values.items() if value[0] is not None}
     apart = []
     for (a, (mean_a, spread_a)), (b, (mean_b, spread_b)) in combinations(values.items(), 2):
         if abs(mean_a - mean_b) > spread_a + spread_b:
@@ -94,8 +95,8 @@ def order_sentence(figures: Figures, paper: Paper) -> str:
             for name, runs in figures.items()
             if name in paper
         }
-        ours = sorted(motas, key=lambda name: -motas[name])
-        verdict = "the same" if ours == best_first else " > ".join(ours)
+        ours = [] if None in motas.values() else sorted(motas, key=lambda name: -motas[name])
+        verdict = "the same" if ours == best_first else " > ".join(ours) or "undefined"
         parts.append(f"at D = {setting[1]:g} m ours is {verdict}")
     return f"The paper's order of MOTA is {' > '.join(best_first)}; {', '.join(parts)}."
 
@@ -116,6 +117,8 @@ def draw(path: Path, title: str, figures: Figures, paper: Paper) -> None:
                 found = metrics_at(figures[name], (boxes, distance))
                 motas = [m["clear3d"]["MOTA"] for m in found]
                 mean, spread = mean_and_spread(motas)
+                if mean is None:
+                    continue
                 height = len(names) - 1 - row + offset
                 axis.plot(motas, [height] * len(motas), ".", color=color, alpha=0.5)
                 label = f"D = {distance:g} m" if row == 0 else None

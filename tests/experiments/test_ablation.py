@@ -19,7 +19,7 @@ from common.provenance import ROOT, command
 from experiments import table3, table4
 from experiments.ablation import rows as ablation
 from experiments.ablation.rows import DISTANCES, TABLE_FIELDS
-from experiments.ablation.table import differences, order_sentence
+from experiments.ablation.table import differences, draw, order_sentence
 from models.config import TrackerConfig
 from training.sampling.data import open_data
 
@@ -67,17 +67,20 @@ def test_tables_share_a_row_and_resume(root, tmp_path, monkeypatch):
         return train_row(own, folder, *more)
 
     monkeypatch.setattr(ablation, "train_row", train_and_note)
+    commit = "first"
+    monkeypatch.setattr(ablation, "git_commit", lambda: commit)
     argv = arguments(root, tmp_path)
     assert flags.run(table3.main, argv) == flags.INTERRUPTED
     assert not (tmp_path / "tables" / "table3.md").exists()
     pair = tmp_path / "work" / "pairs" / "filter+FC1" / "000000.npz"
     stored = pair.stat().st_mtime_ns
+    commit = "second"
     assert flags.run(table3.main, argv) == 0
     cosine, none = ("cosine_distance", "filter+FC1"), ("none", "filter+FC1")
     assert trained == [(*cosine, 0), (*none, 0), (*none, 0), (*cosine, 1), (*none, 1)]
 
     table = json.loads((tmp_path / "tables" / "table3.json").read_text())
-    assert table["run"]["row_commits"] == [table["run"]["git_commit"]]
+    assert table["run"]["row_commits"] == ["first", "second"]
     record = table["figures"]
     assert list(record["rows"]) == list(names)
     for settings in (run for runs in record["rows"].values() for run in runs):
@@ -171,6 +174,15 @@ def test_differences_are_those_above_the_spread():
     paper = {"a": (0.9,), "b": (0.8,), "c": (0.7,)}
     assert order_sentence(figures, paper).endswith("is a > b > c; at D = 0 m ours is b > a > c.")
     assert order_sentence(figures, {"b": (0.9,), "c": (0.1,)}).endswith("ours is the same.")
+
+
+def test_without_a_labelled_vehicle_there_is_no_order(tmp_path):
+    figures = {"a": motas(None, None), "b": motas(None, None)}
+    assert differences(figures, ("network", 0.0)).endswith("(0 of 0): none.")
+    paper = {"a": (0.9,), "b": (0.8,)}
+    assert order_sentence(figures, paper).endswith("at D = 0 m ours is undefined.")
+    draw(tmp_path / "a.png", "A", figures, paper)
+    assert (tmp_path / "a.png").is_file()
 
 
 @pytest.mark.parametrize(

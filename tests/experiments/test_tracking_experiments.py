@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from common.errors import InputError
 from common.flags import run
 from experiments import ab3dmot, figure5, table5
 from experiments.paper import AB3DMOT, AB3DMOT_COLUMNS, TABLE5, TABLE5_COLUMNS
@@ -155,10 +157,31 @@ def test_figure5_writes_curve_and_picture(tiny_root, tmp_path):
     figure5.main(arguments(tiny_root, tmp_path, *more))
     lines = (tmp_path / "figure5.csv").read_text().splitlines()
     assert lines[0] + "\n" == figure5.HEADER and len(lines) == 1 + 4 * 2
-    assert "gt,gt_displacement,2,1,1.000000,0.000000" in lines
+    assert lines[-1] == "gt,gt_displacement,2,1,1.000000,0.000000"  # drawn last
     assert (tmp_path / "figure5.png").read_bytes().startswith(b"\x89PNG")
     figures = json.loads((tmp_path / "figure5.json").read_text())["figures"]
     assert len(figures) == len(lines) - 1
+
+
+def test_without_a_labelled_vehicle_mota_is_a_dash(tiny_root, tmp_path, capsys):
+    argv = arguments(tiny_root, tmp_path, "--seqs", "0001", "--seeds", 1)
+    figure5.main([*argv, "--distances", "0"])
+    lines = (tmp_path / "figure5.csv").read_text().splitlines()
+    assert lines[1:] and all(line.endswith(",0,1,-,0.000000") for line in lines[1:])
+    assert (tmp_path / "figure5.png").is_file()
+    deep_sort_noise.main(argv)
+    assert "*" not in (tmp_path / "deep_sort_noise.md").read_text().split("\n\n", 3)[3]
+    with pytest.raises(InputError, match="expected labelled boxes of --classes"):
+        displacement_readings.nearest({("uniform", False, "sort"): [{"MOTA": None}]})
+
+
+def test_the_upper_bound_is_drawn_dashed_over_the_curves_under_it():
+    axis = Figure().subplots()
+    curve = [(0.0, 1, 0.5, 0.0), (1.0, 1, None, 0.0), (2.0, 1, 0.25, 0.0)]
+    for tracker in ("pointtracknet", "gt_displacement"):
+        figure5._curve(axis, tracker, curve)
+    assert [line.get_linestyle() for line in axis.lines] == ["-", "--"]
+    assert axis.lines[0].get_xdata().tolist() == [0.0, 2.0]  # without the undefined one
 
 
 def test_ab3dmot_table_stands_beside_the_published_rows(tiny_root, tmp_path):
