@@ -16,9 +16,10 @@ all: venv ops
 venv: $(STAMP) $(if $(GPU),$(CUDA))
 
 $(STAMP): requirements.txt requirements-lock.txt
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; (3, 10) <= v <= (3, 13) or \
+	@"$(PYTHON)" -c 'import sys; v = sys.version_info[:2]; (3, 10) <= v <= (3, 13) or \
 	    sys.exit("make: Python 3.10 to 3.13 is needed, $(PYTHON) is %d.%d; try make PYTHON=python3.12" % v)'
-	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
+	@$(PY) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv $(VENV) || \
+	    { echo 'make: no $(VENV); on Debian and Ubuntu: sudo apt install python3-venv' >&2; exit 1; }
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.txt
 	@touch $@
 
@@ -35,7 +36,7 @@ demo: ops
 
 # LABELS=DIR: KITTI's labels drive simulated traffic; SCANS=DIR: real labelled scans (docs/TRAINING.md)
 weights: ops
-	$(PY) -m training.recipe $(if $(LABELS),--labels $(LABELS)) $(if $(SCANS),--scans $(SCANS)) $(WEIGHTS_FLAGS)
+	$(PY) -m training.recipe $(if $(LABELS),--labels "$(LABELS)") $(if $(SCANS),--scans "$(SCANS)") $(WEIGHTS_FLAGS)
 
 bench: ops
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-bench.txt

@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import sysconfig
 import venv
 from pathlib import Path
@@ -59,6 +60,31 @@ def test_the_library_runs_in_another_folder(tmp_path):
     shape, *files = _run(python, "-c", PROGRAM, cwd=other, TF_CPP_MIN_LOG_LEVEL="3").split()
     assert shape == "True"
     assert [Path(file).is_relative_to(checkout) for file in files] == [True, True]
+
+
+@pytest.mark.slow
+def test_make_completes_an_environment_without_pip(tmp_path):
+    """An interrupted `python -m venv` leaves one; the interpreter's path holds a space."""
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("requirements.txt", "requirements-lock.txt"):
+        (tmp_path / name).touch()
+    venv.create(tmp_path / ".venv", with_pip=False)
+    python = tmp_path / "my python"
+    python.symlink_to(sys._base_executable)
+    _run("make", "venv", f"PYTHON={python}", cwd=tmp_path)
+    assert _run(tmp_path / ".venv/bin/python", "-m", "pip", "--version", cwd=tmp_path)
+
+
+def test_make_names_the_package_of_debian_that_makes_environments(tmp_path):
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("requirements.txt", "requirements-lock.txt"):
+        (tmp_path / name).touch()
+    python = tmp_path / "python"  # as Debian's without python3-venv: it cannot run -m venv
+    python.write_text('#!/bin/sh\ntest "$1" = -c\n')
+    python.chmod(0o755)
+    command = ["make", "-C", str(tmp_path), "venv", f"PYTHON={python}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2 and "sudo apt install python3-venv" in done.stderr
 
 
 def test_the_package_has_the_requirements_of_make():

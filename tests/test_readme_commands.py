@@ -175,6 +175,8 @@ def test_make_runs_the_documented_commands():
     assert _recipe("test-fast")[-2:] == ["-m", "not slow"]
     assert _recipe("lint")[1] == "--dry-run" and _recipe("format")[1] == "-i"
     assert _recipe("weights")[1:] == ["-m", "training.recipe"]
+    folders = _recipe("weights", "LABELS=/my kitti", "SCANS=/my scans")[3:]
+    assert folders == ["--labels", "/my kitti", "--scans", "/my scans"]
     assert _recipe("fuzz")[-6:-4] == ["-m", "campaigns.fuzz"]
     assert _recipe("kill")[-6:-4] == ["-m", "campaigns.kill"]
     assert _recipe() != _recipe("sanitize")
