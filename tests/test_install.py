@@ -7,9 +7,12 @@ import subprocess
 import sys
 import sysconfig
 import venv
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import pointtracknet
 from common.provenance import ROOT
@@ -85,6 +88,33 @@ def test_make_names_the_package_of_debian_that_makes_environments(tmp_path):
     command = ["make", "-C", str(tmp_path), "venv", f"PYTHON={python}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2 and "sudo apt install python3-venv" in done.stderr
+
+
+def _requirements(file: str) -> list[Requirement]:
+    """The lines of a file of requirements that count for the running Python."""
+    lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
+    found = [Requirement(line) for line in lines if re.match(r"\w", line)]
+    return [each for each in found if each.marker is None or each.marker.evaluate()]
+
+
+def _brought_along(requirements: list[Requirement]) -> set[str]:
+    """Canonical names of installed packages and of all that they require, at any depth."""
+    names, waiting = set(), [(canonicalize_name(r.name), *sorted(r.extras)) for r in requirements]
+    while waiting:
+        package = waiting.pop()
+        if package in names:
+            continue
+        names.add(package)
+        for each in map(Requirement, metadata.requires(package[0]) or ()):
+            extras = [{"extra": extra} for extra in ("", *package[1:])]
+            if each.marker is None or any(map(each.marker.evaluate, extras)):
+                waiting.append((canonicalize_name(each.name), *sorted(each.extras)))
+    return {name for name, *_ in names}
+
+
+def test_every_installed_package_is_pinned():
+    pinned = {canonicalize_name(each.name) for each in _requirements("requirements-lock.txt")}
+    assert _brought_along(_requirements("requirements.txt")) - pinned == set()
 
 
 def test_the_package_has_the_requirements_of_make():
