@@ -17,14 +17,19 @@ from common.provenance import ROOT, provenance
 from experiments import readme_tables
 from experiments.readme_tables import TABLES, filled, record_line, summary
 from kitti.scans.scan_files import write_scan
+from tf_ops.bench import tables as bench
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-EACH_DOCUMENT = pytest.mark.parametrize(
-    "path", documents(), ids=lambda path: str(path.relative_to(ROOT))
-)
 
 
-@EACH_DOCUMENT
+def _name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+EACH_DOCUMENT = pytest.mark.parametrize("path", documents(), ids=_name)
+
+
+@pytest.mark.parametrize("path", readme_tables.documents(), ids=_name)
 def test_tables_are_those_of_docs_tables(path):
     text = path.read_text(encoding="utf-8")
     assert filled(text, TABLES, path.name) == text
@@ -32,6 +37,7 @@ def test_tables_are_those_of_docs_tables(path):
 
 def test_every_document_with_a_table_is_filled():
     marked = {path for path in documents() if "<!-- table:" in path.read_text(encoding="utf-8")}
+    marked.remove(bench.README)  # filled by tf_ops.bench
     assert marked and marked <= set(readme_tables.documents())
 
 
@@ -148,7 +154,7 @@ def test_scripts_take_the_commands_flags(command, monkeypatch):
 
 def test_make_targets_of_the_documents_exist():
     lines = [c.text for c in commands() if c.text.startswith("make")]
-    targets = {word for line in lines for word in line.split()[1:]}
+    targets = {word for line in lines for word in line.split()[1:] if "=" not in word}
     makefile = (ROOT / "Makefile").read_text()
     assert {"demo", "test"} <= targets and all(
         re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets

@@ -59,6 +59,9 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "make test-fast": MAKE,
     "make format": MAKE,
     "make lint": MAKE,
+    "make ops": MAKE,
+    "make ops NATIVE=1": MAKE,
+    "make bench": MAKE,
     "make sanitize": MAKE,
     "make fuzz": MAKE,
     "make kill": MAKE,
@@ -72,9 +75,16 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "demo.py": Here(KITTI),
     "--tracker ab3dmot": Here(KITTI),
     "--results results/ab3dmot/tracks": Here(KITTI),
-    "--split train": Here(TRAINING, ("--sequences", "1", "--frames", "4", "--processes", "1")),
-    "--split val": Here(TRAINING, ("--sequences", "1", "--frames", "2", "--processes", "1")),
-    "--from_labels": Here(TRAINING, ("--seqs", "0001", "--processes", "1")),
+    "--out data/sim ": Here(TRAINING, ("--sequences", "1", "--frames", "4", "--processes", "1")),
+    "--out data/val ": Here(TRAINING, ("--sequences", "1", "--frames", "2", "--processes", "1")),
+    "--out data/replay ": Here(TRAINING, ("--seqs", "0001", "--processes", "1")),
+    "--out data/own ": Here(TRAINING, ("--sequences", "1", "--frames", "1", "--processes", "1")),
+    "--out data/replayed ": Here(TRAINING, ("--seqs", "0001", "--processes", "1")),
+    "--out results/traffic ": Here(TRAINING, ("--frames", "2", "--processes", "1")),
+    "visualize.py birds_eye --data_root results/traffic": Here(TRAINING),
+    "studies.simulator_fidelity": (
+        "tests/simulator/test_simulator_real.py::test_fidelity_meets_its_goals"
+    ),
     "--workdir runs/detector": Here(TRAINING, (*ONE_STEP, *DETECTOR)),
     "--workdir runs/tracker": Here(TRAINING, (*ONE_STEP, *TRACKER)),
     "training.export": Here(TRAINING),
@@ -105,7 +115,7 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     "studies.track_errors": "tests/studies/test_track_errors.py::test_errors_of_result_files",
     "studies.decoding_parameters": f"{DECODING}::test_from_end_to_end",
     "visualize.py scene": Here(KITTI),
-    "visualize.py birds_eye": Here(KITTI),
+    "visualize.py birds_eye --data_root KITTI": Here(KITTI),
     "visualize.py trajectories": Here(KITTI),
     "visualize.py animation": Here(KITTI),
     "visualize.py network": Here(KITTI),
@@ -177,9 +187,11 @@ def test_make_runs_the_documented_commands():
     assert _recipe("weights")[1:] == ["-m", "training.recipe"]
     folders = _recipe("weights", "LABELS=/my kitti", "SCANS=/my scans")[3:]
     assert folders == ["--labels", "/my kitti", "--scans", "/my scans"]
+    assert _recipe("bench")[1:] == ["-m", "tf_ops.bench", "readme"]
     assert _recipe("fuzz")[-6:-4] == ["-m", "campaigns.fuzz"]
     assert _recipe("kill")[-6:-4] == ["-m", "campaigns.kill"]
-    assert _recipe() != _recipe("sanitize")
+    assert _recipe("ops") == _recipe() != _recipe("sanitize")
+    assert _recipe("ops") != _recipe("ops", "NATIVE=1")
     (shorter,) = re.findall(r'`make (DEMO_FLAGS="[^"]+" demo)`', README)
     assert _recipe(*shlex.split(shorter)) == [PYTHON, "demo.py", "--frames", "20"]
 
@@ -213,7 +225,9 @@ def test_training_commands(tmp_path, monkeypatch, capsys):
     write_weights(tmp_path / "weights")
     monkeypatch.chdir(tmp_path)
     _run_group(TRAINING, monkeypatch)
-    assert Path("data/replay/training/label_02/0001.txt").is_file()
+    for name in ("replay", "replayed"):
+        assert Path("data", name, "training/label_02/0001.txt").is_file()
+    assert Path("docs/simulator/own_traffic.png").is_file()
     for name in ("detector.npz", "tracker.npz", "training.md"):
         assert Path("runs/weights", name).is_file()
     for name, field, value in (

@@ -24,7 +24,7 @@ class Command(NamedTuple):
 
 def documents() -> list[Path]:
     """In the order in which their commands are run."""
-    folders = ("tracking", "weights")
+    folders = ("tracking", "weights", "simulator", "tf_ops")
     return [
         ROOT / "README.md",
         ROOT / "CONTRIBUTING.md",
