@@ -162,8 +162,8 @@ def read_table(path: str | Path, widths: tuple[int, ...], text_column: int | Non
 
     Raises:
         InputError: the file cannot be read, a row has another number of columns, a value is not a
-            finite number, or the file is truncated: the last line has no end and fewer decimals
-            than all others.
+            finite number, or the file is truncated: the last line has no end and its last number
+            fewer decimals than the fixed number of those above it.
     """
     source = read_lines(path)
     rows = [line for line in source if line and not line.isspace()]
@@ -229,8 +229,13 @@ def _refuse_words(table: Table, rows: list[list[str]], text_column: int | None) 
 
 
 def _refuse_cut_number(table: Table, tokens: list[str]) -> None:
-    """Refuses a last line without an end whose last number is shorter than all those above it."""
+    """Refuses a last line without an end whose last number is shorter than a fixed width.
+
+    All others have the same number of decimals, and one ends in 0: a writer that rounds leaves
+    such zeros out, and its last number may be the shortest by chance.
+    """
     decimals = [len(token.partition(".")[2]) for token in tokens]
-    if len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
+    padded = decimals[0] > 1 and any(token.endswith("0") for token in tokens[:-1])
+    if padded and len(set(decimals[:-1])) == 1 and decimals[-1] < decimals[0]:
         message = f"the file is cut off: its last number is {tokens[-1]!r}"
         raise table.error(message, len(table) - 1)

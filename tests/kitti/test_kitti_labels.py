@@ -155,6 +155,21 @@ def test_cut_files_are_refused(tmp_path):
     assert len(read_labels(path)) == 3
 
 
+@pytest.mark.parametrize("digits", [2, 4])
+@pytest.mark.parametrize("rows", [2, 12])
+def test_rounded_scores_without_a_last_line_end_are_read(tmp_path, digits, rows):
+    """`round` leaves zeros at the end out, so that the last score may be the shortest."""
+    scores = [round(0.1 + (i % 9 + 1) * 10**-digits, digits) for i in range(rows - 1)] + [0.5]
+    places = [label_row(t, 0) for t in range(rows)]
+    lines = [f"{place} {score}" for place, score in zip(places, scores, strict=True)]
+    (tmp_path / "r.txt").write_text("\n".join(lines))
+    assert read_results(tmp_path / "r.txt").score.tolist() == scores
+    fixed = [f"{p} {s:.{digits + 1}f}" for p, s in zip(places, scores, strict=True)]
+    (tmp_path / "r.txt").write_text("\n".join(fixed)[:-1])
+    with pytest.raises(InputError, match=r"the file is cut off: its last number is '0\.50"):
+        read_results(tmp_path / "r.txt")
+
+
 def _changed(column, value):
     words = label_row(7, 1).split()
     words[column - 1] = value
