@@ -35,6 +35,7 @@ _EXPECTED = (
     f"{RESULT_COLUMNS} (KITTI results: frame, id, class, ...)"
 )
 _FRAME_FILE = re.compile(r"(\d+)\.txt", re.ASCII)
+_LONG_FRAME_FILE = re.compile(r"(\d{6,})\.txt", re.ASCII)  # four digits are a sequence
 
 
 def read_detection_folder(
@@ -44,7 +45,7 @@ def read_detection_folder(
 
     They are in the file of `sequence_file`, in AB3DMOT's layout or as KITTI results, or in files
     `000000.txt`, a frame each, in the object benchmark's layout, below `folder/NAME/`,
-    `folder/NAME/data/`, or, where `alone`, `folder/` or `folder/data/`.
+    `folder/NAME/data/`, or, where `alone`, `folder/` or `folder/data/` (six digits or more).
 
     Args:
         folder: of the files.
@@ -58,10 +59,13 @@ def read_detection_folder(
     path = sequence_file(folder, name)
     if os.path.lexists(path):
         return read_detections(path, num_frames)
-    for parent in (Path(folder) / name, *([Path(folder)] if alone else [])):
+    places = [(Path(folder) / name, _FRAME_FILE)]
+    if alone:
+        places.append((Path(folder), _LONG_FRAME_FILE))
+    for parent, names in places:
         for below in (parent / "data", parent):
-            if below.is_dir() and any(_FRAME_FILE.fullmatch(file.name) for file in below.iterdir()):
-                return read_object_detections(below, num_frames)
+            if below.is_dir() and any(names.fullmatch(file.name) for file in below.iterdir()):
+                return read_object_detections(below, num_frames, names)
     raise InputError(
         f"expected {name}.txt (AB3DMOT's layout or KITTI results) or {name}/000000.txt and so on "
         "(the object benchmark's layout)",
@@ -125,10 +129,17 @@ def _numbered_classes(table: Table) -> np.ndarray:
     return np.array([DETECTION_TYPES.get(key, "") for key in range(4)])[number]
 
 
-def read_object_detections(folder: str | Path, num_frames: int | None = None) -> Objects:
+def read_object_detections(
+    folder: str | Path, num_frames: int | None = None, names: re.Pattern[str] = _FRAME_FILE
+) -> Objects:
     """Reads files `000000.txt` in the object benchmark's layout; a missing file has no detection.
 
     Track ids are -1; without a score column scores are NaN; rows of DontCare are omitted.
+
+    Args:
+        folder: of the files.
+        num_frames: frames of the sequence.
+        names: of the files, the frame in the first group; other files are ignored.
 
     Raises:
         InputError: as `kitti.labels.read_labels`, or two files of one frame, or a frame beyond
@@ -136,7 +147,7 @@ def read_object_detections(folder: str | Path, num_frames: int | None = None) ->
     """
     files: dict[int, Path] = {}
     for path in sorted(Path(folder).iterdir()):
-        match = _FRAME_FILE.fullmatch(path.name)
+        match = names.fullmatch(path.name)
         if match is None:
             continue
         frame = int(match[1])

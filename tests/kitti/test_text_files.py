@@ -153,6 +153,10 @@ def test_an_id_behind_the_score_of_a_file_per_frame_is_not_used(kitti_folder):
 def test_files_per_frame_of_a_single_sequence(kitti_folder, below):
     root = kitti_folder([label_row(0, 0), label_row(3, 0)])
     (root / below).mkdir(parents=True)
+    for name in ("0002", "0003"):  # other sequences
+        (root / below / f"{name}.txt").write_text(AB3DMOT)
+    with pytest.raises(InputError, match=r"flat: expected 0000\.txt"):
+        KittiSequence(root, 0).read_detections(root / "flat", alone=True)
     (root / below / "000002.txt").write_text(OBJECT)
     found = KittiSequence(root, 0).read_detections(root / "flat", alone=True)
     assert found.frame.tolist() == [2]
