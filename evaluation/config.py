@@ -12,7 +12,7 @@ from evaluation.scene import Scene, open_scenes
 from kitti.camera_view import parse_image_size
 from kitti.object_shift import MAX_DISTANCE, ObjectShift
 from kitti.objects import CLASSES, VEHICLES, class_name
-from kitti.seqmap import TEST, VAL, parse_sequences
+from kitti.seqmap import MAX_SEQ, TEST, VAL, parse_sequences
 from metrics.kitti_rules import rules_for
 from metrics.protocols import CLEAR3D, PROTOCOLS
 from models.boxes.box_score import default_min_score
@@ -104,6 +104,9 @@ class EvaluateConfig:
             object.__setattr__(self, "seqs", TEST if testing else VAL)
         if self.protocols is None:
             object.__setattr__(self, "protocols", () if testing else ("clear3d",))
+        if len(set(self.seqs)) < len(self.seqs) or not all(0 <= s <= MAX_SEQ for s in self.seqs):
+            expected = f"expected numbers from 0 to {MAX_SEQ}, each once"
+            raise InputError(f"--seqs: {expected}, found {list(self.seqs)}")
         _among("--subset", [self.subset], ("training", "testing"))
         object.__setattr__(self, "classes", tuple(class_name(name) for name in self.classes))
         _among("--classes", self.classes, [name for name in CLASSES if name != "DontCare"])

@@ -14,6 +14,8 @@ VAL = tuple(range(16, 21))
 """Validation sequences 0016-0020 of the labelled 21."""
 TEST = tuple(range(29))
 """The benchmark's 29 testing sequences 0000-0028, without labels."""
+MAX_SEQ = 9999
+"""Largest number of a sequence: names have four digits."""
 SEQMAP = "evaluate_tracking.seqmap"
 _ENDINGS = {
     "training": (".training", "", ".txt", ".trainval", ".val", ".train", ".training_minus_val"),

@@ -1,5 +1,6 @@
 """Bad input to evaluate.py: one line, exit code 2, nothing half-written."""
 
+import json
 import os
 from pathlib import Path
 
@@ -154,6 +155,19 @@ def test_flags(tiny_root, tmp_path, fails, flags, message):
     out = tmp_path / "out"
     given = ["--data_root", tiny_root, "--seqs", "0000", "--out", out]
     assert message in fails(*given, *flags)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("seqs", [[0, 0], [1, 0, 1], [10_000], [-1]])
+def test_sequences_of_a_file_are_there_once(tiny_root, tmp_path, fails, seqs):
+    """A sequence that is there twice would count twice."""
+    out, file = tmp_path / "out", tmp_path / "settings.json"
+    file.write_text(json.dumps({"seqs": seqs}))
+    message = fails("--config", file, "--data_root", tiny_root, "--out", out)
+    assert (
+        f"settings.json: --seqs: expected numbers from 0 to 9999, each once, found {seqs}"
+        in message
+    )
     assert not out.exists()
 
 
