@@ -7,6 +7,7 @@ tuple, and `least_items` (1) and `most_items` (64) of a tuple of any length.
 import contextlib
 import dataclasses
 import json
+import os
 import types
 import typing
 from collections.abc import Mapping
@@ -81,11 +82,22 @@ def _convert(
         return _one_of(arguments, value, name, path, bounds)
     if kind in (int, float):
         return _number(kind, value, name, path, bounds)
+    if kind in (str, Path) and isinstance(value, str | Path) and not _can_be_a_path(value):
+        expected = "expected text without NUL or lone surrogates"
+        raise InputError(f"{name}: {expected}, found {_short(value)}", path)
     if kind is Path and isinstance(value, str) and value:
         return Path(value)
     if not isinstance(value, kind):
         raise InputError(f"{name}: expected {kind.__name__}, found {_short(value)}", path)
     return value
+
+
+def _can_be_a_path(value: str | Path) -> bool:
+    """False for text with NUL or with characters that no name of a file encodes."""
+    try:
+        return b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        return False
 
 
 def _tuple(

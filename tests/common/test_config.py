@@ -1,6 +1,7 @@
 """Configurations as dictionaries: round trip and errors."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,7 @@ class _Layer:
 class _Config:
     layer: _Layer = dataclasses.field(default_factory=lambda: _Layer(8))
     frozen: bool = False
+    name: Path | str | None = None
     rates: tuple[float, ...] = dataclasses.field(default=(0.5,), metadata={"least": 0, "most": 1})
 
 
@@ -39,6 +41,9 @@ def test_a_record_older_than_a_field_has_its_default():
         ({"layr": {}}, r"unknown fields \['layr'\]"),
         ({"layer": {"width": "4"}}, "width: expected int, found '4'"),
         ({"frozen": 1}, "frozen: expected bool"),
+        ({"name": "a\0"}, r"name: expected text without NUL or lone surrogates, found 'a\\x00'"),
+        ({"name": "\ud800"}, r"name: expected text without NUL .*, found '\\ud800'"),
+        ({"name": Path("\0")}, "name: expected text without NUL"),
         ([], "expected an object"),
         ({"layer": {"width": 10**400}}, "width: expected .* found an integer of 1329 bits"),
         ({"layer": {"width": True}}, "width: expected int, found True"),

@@ -158,6 +158,16 @@ def test_flags(tiny_root, tmp_path, fails, flags, message):
     assert not out.exists()
 
 
+@pytest.mark.parametrize("field", ["data_root", "detections", "results", "weights", "out"])
+@pytest.mark.parametrize("value", ["\0", "a\ud800"])
+def test_paths_of_a_file_that_no_path_can_be(tiny_root, tmp_path, fails, field, value):
+    file = tmp_path / "settings.json"
+    settings = {"data_root": str(tiny_root), "out": str(tmp_path / "out"), field: value}
+    file.write_text(json.dumps(settings))
+    message = fails("--config", file, "--seqs", "0000", "--tracker", "sort")
+    assert f"settings.json: --{field}: expected text without NUL or lone surrogates" in message
+
+
 @pytest.mark.parametrize("seqs", [[0, 0], [1, 0, 1], [10_000], [-1]])
 def test_sequences_of_a_file_are_there_once(tiny_root, tmp_path, fails, seqs):
     """A sequence that is there twice would count twice."""
