@@ -99,8 +99,8 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes `text` to `path` atomically, as UTF-8."""
-    write_bytes(path, text.encode())
+    """Writes `text` to `path` atomically, as UTF-8; names of files in it keep their bytes."""
+    write_bytes(path, text.encode(errors="surrogateescape"))
 
 
 def write_json(path: str | Path, value: Any) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import io
 import math
 import os
 import re
@@ -87,10 +88,16 @@ def run(
 
 
 def _open_streams() -> None:
-    """Opens the null device in place of closed standard streams."""
+    """Opens the null device in place of closed standard streams.
+
+    Open ones escape what they cannot encode, such as names of files that are not UTF-8.
+    """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
+        stream = getattr(sys, name)
+        if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _refuse(line: str) -> int:

@@ -28,6 +28,8 @@ def test_writes_text_bytes_and_json(tmp_path):
     assert (tmp_path / "new" / "a.txt").read_text(encoding="utf-8") == "grün\n"
     assert (tmp_path / "b.bin").read_bytes() == b"\x00\xff"
     assert json.loads((tmp_path / "c.json").read_text()) == {"a": [1, None]}
+    write_text(tmp_path / "d.txt", os.fsdecode(b"name\xff"))
+    assert (tmp_path / "d.txt").read_bytes() == b"name\xff"
 
 
 def test_failure_leaves_the_old_file_and_no_litter(tmp_path):

@@ -179,6 +179,12 @@ def _run(code, redirection):
     )
 
 
+def test_names_of_files_that_are_no_text_can_be_printed():
+    done = _run(r"def main(argv): print('o\udcff'); raise InputError('bad', 'o\udcff')", "")
+    assert (done.returncode, done.stdout) == (2, b"o\\udcff\n")
+    assert done.stderr == b"error: o\\udcff: bad\n"
+
+
 @pytest.mark.parametrize("redirection", ["2>/dev/full", "2>&-"])
 def test_progress_and_notes_that_nobody_can_read_lose_no_work(redirection):
     code = (

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import shutil
 import warnings
 
@@ -10,6 +11,7 @@ import pytest
 from helpers import tiny_kitti
 
 import evaluate
+from common import flags
 from common.notes import note
 from kitti.boxes import camera_from_level
 from kitti.labels import read_labels, read_results, write_labels
@@ -360,6 +362,17 @@ def test_switches_between_the_largest_ids_are_counted(root, tmp_path):
         warnings.simplefilter("error")
         figures = run(root, tmp_path / "again", "--results", path.parent, "--protocol", ALL)
     assert [figures[name]["overall"]["IDS"] for name in ("clear3d", "kitti2d")] == [3, 2]
+
+
+def test_out_may_have_a_name_that_is_no_text(root, tmp_path, monkeypatch):
+    out = tmp_path / os.fsdecode(b"o\xff")
+    argv = [str(word) for word in ("--data_root", root, "--seqs", "0000", "--out", out)]
+    monkeypatch.setattr("sys.argv", ["evaluate.py", *argv])  # in table.md
+    assert flags.run(evaluate.main) == 0
+    assert {path.name for path in out.iterdir()} >= {"metrics.json", "config.json"}
+    assert b"o\xff" in (out / "table.md").read_bytes()
+    again = ["--config", out / "config.json", "--results", out / "tracks"]
+    assert flags.run(evaluate.main, [str(word) for word in again]) == 0
 
 
 def test_compressed_results_are_read(root, tmp_path):
