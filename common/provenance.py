@@ -34,7 +34,10 @@ def _versions() -> dict[str, str]:
 
 
 def git_commit() -> str | None:
-    """The checkout's commit, with "+changes" if the tree differs from it; None without git."""
+    """The checkout's commit, with "+changes" if the tree differs from it; None without git.
+
+    None too for a copy without its own repository inside that of another project.
+    """
 
     def git(*args: str) -> str:
         return subprocess.run(
@@ -42,6 +45,8 @@ def git_commit() -> str | None:
         ).stdout.strip()
 
     try:
+        if git("rev-parse", "--show-cdup"):  # the way up to the repository's root
+            return None
         return git("rev-parse", "HEAD") + (
             "+changes" if git("status", "--porcelain", "-uno") else ""
         )

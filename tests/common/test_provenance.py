@@ -38,15 +38,17 @@ def test_without_git_the_commit_is_none(monkeypatch):
 
 
 def test_commit_marks_changes(monkeypatch):
-    answers = {"rev-parse": "abc123\n", "status": " M file\n"}
+    answers = {"--show-cdup": "\n", "HEAD": "abc123\n", "-uno": " M file\n"}
 
     def run(command, **kwargs):
-        return subprocess.CompletedProcess(command, 0, stdout=answers[command[3]])
+        return subprocess.CompletedProcess(command, 0, stdout=answers[command[-1]])
 
     monkeypatch.setattr(subprocess, "run", run)
     assert provenance.git_commit() == "abc123+changes"
-    answers["status"] = ""
+    answers["-uno"] = ""
     assert provenance.git_commit() == "abc123"
+    answers["--show-cdup"] = "../\n"  # a copy inside the repository of another project
+    assert provenance.git_commit() is None
 
 
 def test_processor_is_named(tmp_path):
