@@ -16,9 +16,9 @@ RESULT_COLUMNS = 18
 TYPE_COLUMN = 2
 MAX_FRAMES = 100_000
 """Most frames of a sequence; KITTI's longest has 1176."""
-MIN_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e7, 1e12
+MIN_SIZE, MAX_SIZE, MAX_NUMBER, MAX_SCORE = 1e-3, 1e3, 1e7, 1e12
 """Bounds of box sizes (metres), coordinates (metres, pixels) and scores: beyond them a number is an
-error of the input, is lost in the decimals of a result file, or overflows."""
+error of the input, is lost in the decimals of a result file, overflows, or fails in Shapely."""
 MAX_HEADING = 4 * np.pi
 """Bound of headings in radians, which trackers may leave unwrapped; degrees are beyond it."""
 _LONG = ("Car", "Van", "Truck")  # longer than high
@@ -140,6 +140,8 @@ def check_boxes(
     table.refuse(has_box & (sizes <= 0).any(axis=1), f"{where} above 0")
     small = has_box & (sizes < MIN_SIZE).any(axis=1)
     table.refuse(small, f"{where} of at least {MIN_SIZE} metres")
+    large = has_box & (sizes > MAX_SIZE).any(axis=1)
+    table.refuse(large, f"{where} of at most {MAX_SIZE:.0f} metres")
     turned = has_box & (np.abs(camera[:, 6]) > MAX_HEADING)
     table.refuse(turned, f"column {column + 6}: expected a heading in radians, -pi to pi")
     long = has_box & np.isin(kind, _LONG)

@@ -195,6 +195,8 @@ BAD_ROWS = [
     (_changed(11, "0"), "columns 11-13: expected sizes h w l above 0"),
     (_changed(13, "-4"), "columns 11-13: expected sizes h w l above 0"),
     (_changed(12, "1e-300"), "columns 11-13: expected sizes h w l of at least 0.001 metres"),
+    (_changed(13, "1000.1"), "columns 11-13: expected sizes h w l of at most 1000 metres"),
+    (_changed(4, "1e308"), "expected numbers of magnitude 1e.07 at most"),
     (_changed(14, "1e308"), "expected numbers of magnitude 1e.07 at most"),
     (_changed(14, "nan"), "column 14: expected a finite number, found 'nan'"),
     (_changed(16, "inf"), "column 16: expected a finite number, found 'inf'"),
@@ -377,6 +379,7 @@ def test_detections(tmp_path):
     ("change", "message"),
     [
         (("1.5,1.6,4.0", "1.5,1e-300,4.0"), "columns 8-10: expected sizes h w l of at least"),
+        (("1.5,1.6,4.0", "5e6,1.6,4.0"), "columns 8-10: expected sizes h w l of at most 1000 m"),
         ((",20.0,", ",1e308,"), "expected numbers of magnitude"),
         ((",2,100", ",4,100"), r"column 2: expected one of the types 1 \(Pedestrian\) 2 \(Car\)"),
         (("1.5,1.6,4.0", "1.5,1.6,0"), "columns 8-10: expected sizes"),
