@@ -257,7 +257,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     formats, scans = parse_formats(args.format), open_scans(args)
     calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
     given = None if args.image_size is None else parse_image_size(args.image_size)
-    size, known_from = describe_image_size(calib, given)
+    try:
+        size, known_from = describe_image_size(calib, given)
+    except InputError as error:
+        raise InputError(str(error), args.calib) from error
     in_view, total = look(scans, calib, size)
     check_writable(args.out)
     print(f"camera: {size[0]} x {size[1]} pixels ({known_from}); only its view is searched:")

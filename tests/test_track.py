@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -239,6 +240,18 @@ def test_bad_input_is_one_line(tmp_path, capsys, make, message):
     assert flags.run(track.main, [str(a) for a in argv]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and message in error
+
+
+def test_a_calibration_without_an_image_is_named(tmp_path, capsys):
+    calib = standard_mounting()
+    p2 = calib.p2 * [[1, 1, 0, 1], [1, 1, 0, 1], [1, 1, 1, 1]]
+    write_calibration(tmp_path / "c.txt", replace(calib, p2=p2))
+    write_scan(tmp_path / "scans" / "0.bin", scan())
+    argv = ["--scans", tmp_path / "scans", "--out", tmp_path / "out", "--calib", tmp_path / "c.txt"]
+    assert flags.run(track.main, [str(a) for a in argv]) == 2
+    assert (
+        f"error: {tmp_path / 'c.txt'}: the principal point (0, 0) of P2" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(
