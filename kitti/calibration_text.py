@@ -10,7 +10,7 @@ from common.errors import InputError
 from kitti.tables import read_lines
 
 _BETWEEN = re.compile(r"[\s,;:=\[\]]+")
-_NUMBER = re.compile(r"[-+.]?\d")
+_NUMBER = re.compile(r"[-+]?\.?\d")
 
 
 def read_keys(path: str | Path) -> Iterator[tuple[int, str, list[str]]]:

@@ -107,6 +107,7 @@ def test_notations_of_other_converters(tmp_path):
             f"{name}:\n" + "\n".join(" ".join(map(str, row)) for row in matrix)
             for name, matrix in (("P2", p2), ("R0_rect", np.eye(3)), ("Tr_velo_to_cam", velo))
         ),
+        "points": f"P2: {P}\nR0_rect:\n1.0 -.0 .0\n+.0 1. 0\n-.0 0 1\nTr_velo_to_cam: {VELO}\n",
         "zeros": f"P2: {P}\nR0_rect: {EYE}\nTr_velo_to_cam: {VELO}\nTr_imu_to_velo: {'0 ' * 12}",
     }
     for name, text in texts.items():
