@@ -15,6 +15,7 @@ MAX_FRAME_NUMBER = 10**6
 MAX_SPAN = 100_000
 """Most frames from the first scan to the last."""
 _NUMBER = re.compile(r"(\d+)(?:([._-])(\d+))?(\D*)", re.ASCII)
+_FRACTION = re.compile(r"\d\.\d+\D*\Z", re.ASCII)
 _NANOSECONDS = 9  # digits
 _DEPTH = 3  # of folders that are searched for scans, for the message
 _DATE = re.compile(  # year, month, day, hour, minute, second, fraction
@@ -35,7 +36,8 @@ def find_scans(folder: str | Path) -> dict[int, Path]:
     same in all names (scan_7, 0016_7); a missing number is a frame without a scan. From 10^6 on
     consecutive numbers (1000007, 1000008) are counted from the first. Times (other numbers from
     10^6 on, two numbers such as seconds.nanoseconds, or dates such as 2011-09-26_13-02-25) are
-    sorted and numbered from 0. Hidden files are ignored.
+    sorted and numbered from 0. A single scan may have any name: the last number in it is the frame,
+    0 without one and for a time (also any number from 10^6 on). Hidden files are ignored.
 
     Raises:
         InputError: the folder is missing or has no scan; files of several formats; names without a
@@ -98,14 +100,18 @@ def _visible(folder: Path) -> list[Path]:
 
 
 def _single(path: Path) -> dict[int, Path]:
-    match = _NUMBER.fullmatch(path.stem)
-    number = int(match[1]) if match and match[3] is None else 0
-    return {number if number < MAX_FRAME_NUMBER else 0: path}
+    numbers = [int(digits) for digits in re.findall(r"\d+", path.stem, re.ASCII)] or [0]
+    is_time = _date(path) or _FRACTION.search(path.stem) or max(numbers) >= MAX_FRAME_NUMBER
+    return {0 if is_time else numbers[-1]: path}
+
+
+def _date(path: Path) -> re.Match[str] | None:
+    return _DATE.fullmatch(path.stem) or _DIGITS.fullmatch(path.stem)
 
 
 def _by_dates(paths: list[Path]) -> dict[int, Path] | None:
     """Names that are dates with times such as 2011-09-26_13-02-25.123, in order; else None."""
-    matches = [_DATE.fullmatch(path.stem) or _DIGITS.fullmatch(path.stem) for path in paths]
+    matches = [_date(path) for path in paths]
     if not all(matches):
         return None
     keys = [(*map(int, match.groups()[:6]), Decimal(f"0.{match[7] or 0}")) for match in matches]
