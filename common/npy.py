@@ -20,11 +20,15 @@ def parse_npy(data: bytes) -> np.ndarray:
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
     }[version]
-    shape, fortran_order, dtype = read_header(stream)
+    try:
+        shape, fortran_order, dtype = read_header(stream)
+    except Exception as error:  # NumPy passes on what Python's parser raises
+        raise ValueError(f"expected a header of .npy: {error}") from error
     if dtype.hasobject:
         raise ValueError(f"expected numbers, found Python objects ({dtype})")
     rest = len(data) - stream.tell()
-    if any(side < 0 for side in shape) or math.prod(shape) * dtype.itemsize != rest:
+    counts = all(type(side) is int and side >= 0 for side in shape)  # True is none
+    if not counts or math.prod(shape) * dtype.itemsize != rest:
         raise ValueError(f"expected {rest} bytes, found shape {shape} of {dtype}")
     order = "F" if fortran_order else "C"
     return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape, order=order).copy()
