@@ -125,7 +125,8 @@ def _kind(given: Any, array: np.ndarray) -> str:
 
 def _returns(points: np.ndarray) -> tuple[np.ndarray, int]:
     with np.errstate(invalid="ignore"):
-        inside = np.abs(points[:, :3]) <= MAX_RANGE
+        xyz = points[:, :3]
+        inside = (xyz >= -MAX_RANGE) & (xyz <= MAX_RANGE)  # the smallest integer has no magnitude
     near = inside.all(axis=1) if not inside.all() else np.ones(len(points), bool)
     finite = near | np.isfinite(points[:, :3]).all(axis=1)
     if len(points) and not finite.any():

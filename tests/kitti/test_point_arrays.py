@@ -44,6 +44,13 @@ def test_other_units_are_refused_with_the_flag():
         as_points(POINTS * 1000)
 
 
+def test_the_smallest_integer_is_far():
+    """Its magnitude is no 16-bit integer."""
+    points, dropped = as_points(np.insert(np.rint(POINTS).astype(np.int16), 7, -(2**15), axis=0))
+    assert dropped == 1
+    np.testing.assert_array_equal(points, np.rint(POINTS))
+
+
 def test_centimetres_are_refused():
     """They would lie within 1000 m."""
     with pytest.raises(InputError, match=r"expected metres from the scanner, found a median"):
