@@ -16,11 +16,11 @@ class InputError(ValueError):
 
     def __init__(self, message: str, path: str | Path | None = None, line: int | None = None):
         self.path, self.line = path, line
-        name = "" if path is None else _in_one_line(str(path))
+        name = "" if path is None else printable(str(path))
         where = "" if path is None else f"{name}: " if line is None else f"{name}:{line}: "
-        super().__init__(where + " ".join(message.split()))
+        super().__init__(where + printable(" ".join(message.split())))
 
 
-def _in_one_line(text: str) -> str:
+def printable(text: str) -> str:
     """The text with control characters, which a file name may hold, as escapes."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

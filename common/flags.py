@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from common.errors import InputError
+from common.errors import InputError, printable
 from common.notes import write_or_silence
 
 _STREAM = dict.fromkeys((errno.ENOSPC, errno.EPIPE), "standard output: ")
@@ -46,7 +46,7 @@ class ArgumentParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Prints one line and exits with code 2."""
-        text = " ".join(message.split()) + self._near(message)
+        text = printable(" ".join(message.split())) + self._near(message)
         self.exit(2, f"{self.prog}: error: {text} (see --help)\n")
 
     def _near(self, message: str) -> str:
@@ -102,7 +102,7 @@ def _open_streams() -> None:
 
 def _refuse(line: str) -> int:
     """Prints one line on standard error; errors of the stream do not change the exit code."""
-    for stream, text in ((sys.stdout, ""), (sys.stderr, line + "\n")):
+    for stream, text in ((sys.stdout, ""), (sys.stderr, printable(line) + "\n")):
         write_or_silence(stream, text)
     return 2
 

@@ -6,6 +6,8 @@ import sys
 from functools import cache
 from typing import TextIO
 
+from common.errors import printable
+
 
 def report(line: str) -> None:
     """Prints a line on standard error; errors of the stream (closed, full) are ignored."""
@@ -26,4 +28,4 @@ def write_or_silence(stream: TextIO, text: str) -> None:
 @cache
 def note(message: str) -> None:
     """Prints `note: message`, unless it was printed before."""
-    report(f"note: {message}")
+    report(f"note: {printable(message)}")
