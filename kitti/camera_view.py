@@ -156,8 +156,9 @@ def check_view(
     """Numbers of points in the camera's view and in all; scans (n, >= 3), Velodyne frame, metres.
 
     Raises:
-        InputError: almost no point is in the view, or the points are not a street scene: as high
-            as wide, or above the camera.
+        InputError: there is no point or no return, almost none is in the view, or the points are
+            no street scene in metres with z up: another median range, as high as wide, polar
+            coordinates, or the flat side above the camera.
     """
     seen = total = read = 0
     for points in scans:

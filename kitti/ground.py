@@ -1,6 +1,7 @@
 """Ground points by a fitted surface: a robust quadratic plus a smooth local correction.
 
-1. The scan is cut into square cells; each gives a low percentile of its heights.
+1. The scan is cut into square cells; each gives a low percentile of its heights, rounded down to
+   one of its points: the lowest of 3 to 10, the second lowest of 11 to 20.
 2. A quadratic in x, y (slope, crown, the bend of a hill) is fitted by reweighted least squares;
    cells above the surface (cars, walls, trees) lose their weight sooner than cells below.
 3. 1 and 2 are repeated on heights relative to that surface, without the slope inside a cell.
@@ -17,7 +18,7 @@ class GroundConfig:
     """Parameters of the fit, our choices: the paper only states that ground is extracted."""
 
     cell_m: float = 2.0  # smaller than a car's footprint is long, larger than the ring spacing
-    percentile: float = 10.0  # low, but not the lowest point: reflections lie below the road
+    percentile: float = 10.0  # low, and from 11 points on not the lowest: reflections lie below
     min_points: int = 3  # fewer points do not determine the lower envelope of a cell
     iterations: int = 8
     max_range_m: float = 200.0  # farther points are ignored; the sensor reaches 120 m
