@@ -87,8 +87,8 @@ def read_detections(path: str | Path, num_frames: int | None = None) -> Objects:
     columns = [] if first is None else columns_of(lines[first])
     if len(columns) in (LABEL_COLUMNS, RESULT_COLUMNS):
         rows = read_results(path, num_frames, tracked=False)
-        flat = np.isnan(rows.boxes).any(axis=1)
-        boxed, left_out = (rows.type != "DontCare") & ~flat, (rows.type != "DontCare") & flat
+        boxed = ~np.isnan(rows.boxes).any(axis=1)  # no row of DontCare is
+        left_out = ~boxed & (rows.type != "DontCare")
         if left_out.any():
             note(f"{path}: {left_out.sum()} of {len(rows)} rows have no 3-D box and are left out")
         return replace(rows[boxed], track_id=np.full(int(boxed.sum()), -1))

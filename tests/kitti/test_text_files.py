@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from helpers.kitti_rows import label_row
+from helpers.kitti_rows import dont_care_row, label_row
 
 from common.errors import InputError
 from kitti.labels import read_labels
@@ -76,12 +76,14 @@ def test_packed_calibration_and_poses_are_found_by_name(kitti_folder):
     assert packed.has_poses and labelled_sequences(root) == [0]
 
 
-def test_detections_may_be_kitti_results(kitti_folder):
+def test_detections_may_be_kitti_results(kitti_folder, capsys):
     root = kitti_folder([label_row(0, 0), label_row(3, 0)])
     flat = "2 -1 Car -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10 0.7\n"
     rows = [RESULT.format(2, -1, 0.5), RESULT.format(2, -1, 0.4), RESULT.format(1, 3, 0.3), flat]
+    rows += [f"{dont_care_row(2)} 0.9\n", RESULT.format(2, -1, 0.8).replace("Car", "DontCare")]
     (root / "0000.txt").write_text("".join(rows))
     found = KittiSequence(root, 0).read_detections(root)
+    assert "0000.txt: 1 of 6 rows have no 3-D box and are left out" in capsys.readouterr().err
     assert found.frame.tolist() == [1, 2, 2]
     assert found.score.tolist() == [0.3, 0.5, 0.4]
     assert found.track_id.tolist() == [-1, -1, -1]
