@@ -1,5 +1,7 @@
 """Scans that do not fit the labels or the calibration of their sequence are refused."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from helpers import two_cars
@@ -52,13 +54,26 @@ def test_labels_of_another_sequence_are_refused(tmp_path):
         check_points(KittiSequence(tmp_path, 0))
 
 
-def test_few_or_hidden_objects_do_not_tell(tmp_path):
+@pytest.mark.parametrize(
+    ("kept", "column", "value", "tells"),
+    [
+        (8, 4, "0", True),
+        (4, 4, "0", True),
+        (3, 4, "0", False),
+        (8, 4, "2", False),  # largely occluded
+        (8, 15, "39", True),
+        (8, 15, "41", False),  # metres ahead
+    ],
+)
+def test_few_far_or_hidden_objects_do_not_tell(tmp_path, kept, column, value, tells):
     opened = sequence(tmp_path, lambda points: points * np.float32([1, -1, 1, 1]))
-    rows = [line.split() for line in opened.label_path.read_text().splitlines()]
+    rows = [line.split() for line in opened.label_path.read_text().splitlines()][:kept]
     for row in rows:
-        row[4] = "2"  # largely occluded
+        row[column] = value
     opened.label_path.write_text("".join(" ".join(row) + "\n" for row in rows))
-    check_points(KittiSequence(tmp_path, 0))
+    refused = pytest.raises(InputError, match=f"0 of {kept} labelled boxes")
+    with refused if tells else contextlib.nullcontext():
+        check_points(KittiSequence(tmp_path, 0))
 
 
 def test_a_sequence_without_scans_is_not_judged(tmp_path):

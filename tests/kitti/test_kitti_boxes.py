@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from kitti.boxes import (
     box_corners,
     camera_from_level,
+    count_points_in_boxes,
     level_from_camera,
     observation_angle,
     points_in_boxes,
@@ -122,6 +123,14 @@ def test_points_on_faces_count_and_the_first_box_wins():
     box = np.array([10.0, 0, 0, 4, 2, 2, 0])
     points = np.array([[12.0, 1, 1], [12.001, 0, 0], [8, -1, -1]])
     assert points_in_boxes(points, np.stack([box, box])).tolist() == [0, -1, 0]
+
+
+def test_points_are_counted_once_in_the_first_box():
+    some = np.array([[x, 0, 0, 4, 2, 2, 0] for x in (11.0, 10.0, np.nan, 50.0)])
+    points = np.array([[12.0, 0, 0], [10, 0, 0], [8.5, 0, 0], [-8, 0, 0]])
+    assert count_points_in_boxes(points, some).tolist() == [2, 1, 0, 0]
+    assert count_points_in_boxes(points[:0], some).tolist() == [0] * 4
+    assert count_points_in_boxes(points, some[:0]).shape == (0,)
 
 
 def test_points_in_boxes_passes_over_rows_without_a_box():

@@ -1,5 +1,7 @@
 """Calibration: both spellings, frames, projection, bad files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,13 +14,15 @@ ONE = "1 0 0 0 0 1 0 0 0 0 1 0"
 P = "700 0 600 40 0 700 170 0 0 0 1 0"
 VELO = "0 -1 0 0 0 0 -1 0 1 0 0 -0.27"
 EYE = "1 0 0 0 1 0 0 0 1"
+TURNED = "0 -1 0 1 0 0 0 0 1"
 PROJECTIONS = "".join(f"P{i}: {P}\n" for i in range(4))
 NEW = f"{PROJECTIONS}R0_rect: {EYE}\nTr_velo_to_cam: {VELO}\nTr_imu_to_velo: {ONE}\n"
 OLD = f"{PROJECTIONS}R_rect {EYE}\nTr_velo_cam {VELO}\nTr_imu_velo {ONE}\n"
 
 
 def _fields(calib):
-    return [calib.p2, calib.r0_rect, calib.tr_velo_to_cam, calib.tr_imu_to_velo, calib.p0, calib.p3]
+    others = (calib.tr_imu_to_velo, calib.p0, calib.p1, calib.p3)
+    return [calib.p2, calib.r0_rect, calib.tr_velo_to_cam, *others]
 
 
 def test_both_spellings_are_the_same(tmp_path):
@@ -46,9 +50,15 @@ def test_both_files_of_the_raw_data_in_one(tmp_path):
 def test_round_trip(tmp_path, calib):
     write_calibration(tmp_path / "c.txt", calib)
     again = read_calibration(tmp_path / "c.txt")
-    assert again.tr_imu_to_velo is None
+    assert _fields(again)[3:] == [None] * 4
     for a, b in zip(_fields(calib)[:3], _fields(again)[:3], strict=True):
         np.testing.assert_allclose(a, b, atol=1e-12)
+    others = {f"p{i}": calib.p2 + i * np.eye(3, 4, 3) for i in (0, 1, 3)}
+    whole = replace(calib, tr_imu_to_velo=calib.tr_velo_to_cam, **others)
+    write_calibration(tmp_path / "c.txt", whole)
+    again = read_calibration(tmp_path / "c.txt")
+    for a, b in zip(_fields(whole), _fields(again), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
 
 
 def test_axes_of_the_level_frame(tmp_path):
@@ -56,6 +66,15 @@ def test_axes_of_the_level_frame(tmp_path):
     level = read_calibration(tmp_path / "c.txt").velo_to_level(np.eye(3) * 10)
     # This Velodyne is parallel to the level frame, 0.27 m behind camera 0.
     np.testing.assert_allclose(level, np.eye(3) * 10 - [0.27, 0, 0], atol=1e-12)
+
+
+def test_points_are_rectified_after_they_came_to_the_camera():
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    to_camera = np.array([[0.0, -1, 0, 0.5], [0, 0, -1, -0.1], [1, 0, 0, -0.27]])
+    calib = Calibration(p2=np.eye(4)[:3], r0_rect=quarter, tr_velo_to_cam=to_camera)
+    # (10, 2, 1) -> camera 0 (-2 + 0.5, -1 - 0.1, 10 - 0.27) -> turned (1.1, -1.5, 9.73)
+    level = calib.velo_to_level(np.array([[10.0, 2.0, 1.0]]))
+    np.testing.assert_allclose(level, [[9.73, -1.1, 1.5]])
 
 
 def test_level_to_velo_is_the_inverse(calib):
@@ -86,6 +105,8 @@ def test_odometry_and_raw_data(tmp_path):
     calib = read_calibration(tmp_path / "odometry.txt")
     np.testing.assert_array_equal(calib.r0_rect, np.eye(3))
     np.testing.assert_array_equal(calib.tr_velo_to_cam, np.array(VELO.split(), float).reshape(3, 4))
+    (tmp_path / "odometry.txt").write_text(f"{PROJECTIONS}R0_rect: {TURNED}\nTr: {VELO}\n")
+    np.testing.assert_array_equal(read_calibration(tmp_path / "odometry.txt").r0_rect, np.eye(3))
     raw = f"P_rect_02: {P}\nR_rect_00: {EYE}\nTr_velo_to_cam: {VELO}\nS_rect_02: 1.2e3 3.4e2\n"
     (tmp_path / "raw.txt").write_text(raw)
     assert read_calibration(tmp_path / "raw.txt").size == (1200, 340)

@@ -106,6 +106,7 @@ def _assert_same(a, b, scores):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     assert a.type.tolist() == b.type.tolist()
     np.testing.assert_allclose(a.bbox, b.bbox, atol=1e-6)
+    np.testing.assert_allclose(a.alpha, b.alpha, atol=1e-6)
     np.testing.assert_allclose(a.boxes[:, :6], b.boxes[:, :6], atol=2e-6)
     turn = wrap_angle(a.boxes[:, 6] - b.boxes[:, 6])
     assert np.nanmax(np.abs(turn), initial=0) < 1e-6
@@ -363,12 +364,12 @@ def test_results_of_boxes_outside_the_image(tmp_path):
 
 def test_detections(tmp_path):
     rows = [DETECTION.format(frame=3, score=-1.5), DETECTION.format(frame=0, score=7)]
-    rows.append(rows[0].replace(",2,100", ",3,100"))
+    rows += [rows[0].replace(",2,100", f",{number},100") for number in (3, 1)]
     found = read_detections(_write(tmp_path / "d.txt", rows))
-    assert found.frame.tolist() == [0, 3, 3]
-    assert found.type.tolist() == ["Car", "Car", "Cyclist"]
-    assert found.track_id.tolist() == [-1, -1, -1]
-    assert found.score.tolist() == [7, -1.5, -1.5]
+    assert found.frame.tolist() == [0, 3, 3, 3]
+    assert found.type.tolist() == ["Car", "Car", "Cyclist", "Pedestrian"]
+    assert found.track_id.tolist() == [-1, -1, -1, -1]
+    assert found.score.tolist() == [7, -1.5, -1.5, -1.5]
     assert found.alpha[0] == -1.5
     np.testing.assert_allclose(
         found.boxes[0], [20, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]

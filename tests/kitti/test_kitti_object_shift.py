@@ -197,6 +197,16 @@ def test_shifts_make_no_new_overlap(length, hold, seed):
     assert (by_frame == by_frame[0]).all() == hold
 
 
+def test_shifts_to_the_corners_of_the_square_make_no_new_overlap():
+    """Two squares that meet only if each moves farther than D, which `per_axis` allows."""
+    objects = _objects(5000, 2)
+    boxes = np.tile([20.0, 0, 0, 1, 1, 1, 0], (len(objects), 1))
+    boxes[:, :2] += np.where(objects.track_id == 1, 1 + 2.1 * np.sqrt(2), 0)[:, None]
+    objects = replace(objects, boxes=boxes)
+    moved = shift_objects(objects, ObjectShift(2.1, 0, "per_axis").offsets(objects, 0)).boxes
+    assert not footprints_overlap(moved[::2], moved[1::2]).any()
+
+
 @lengths
 @readings
 @given(seed=st.integers(0, 2**63 - 1), order=st.randoms())

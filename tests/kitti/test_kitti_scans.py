@@ -59,9 +59,9 @@ def test_directory_or_missing(tmp_path):
 
 def test_camera_view(calib):
     in_front = [20.0, 0, 0]
-    behind, left, above = [-20.0, 0, 0], [5.0, 20, 0], [5.0, 0, 10]
-    points = np.array([in_front, behind, left, above])
-    assert in_camera_view(points, calib).tolist() == [True, False, False, False]
+    behind, left, above, below = [-20.0, 0, 0], [5.0, 20, 0], [5.0, 0, 10], [5.0, 0, -1.6]
+    points = np.array([in_front, behind, left, above, below])
+    assert in_camera_view(points, calib).tolist() == [True, False, False, False, False]
     # 720 * y / 20 + 610 = 1241 at y = -17.5: the image's right edge.
     edge = np.array([[20.0, -17.4, 0], [20.0, -17.6, 0]])
     assert in_camera_view(edge, calib).tolist() == [True, False]

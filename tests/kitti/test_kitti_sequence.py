@@ -79,7 +79,8 @@ def test_detections_may_be_a_file_per_frame(kitti_folder):
         folder = root / below
         folder.mkdir(parents=True)
         (folder / "000001.txt").write_text("")
-        (folder / "000003.txt").write_text(row.format("car", 2.5) + row.format("Cyclist", -1))
+        rows = [row.format(*each) for each in (("car", 2.5), ("DontCare", 1), ("Cyclist", -1))]
+        (folder / "000003.txt").write_text("".join(rows))
         (folder / "notes.md").write_text("mine")
         found = KittiSequence(root, 0).read_detections(root / below.split("/")[0])
         assert found.frame.tolist() == [3, 3]
@@ -125,6 +126,8 @@ def test_points_come_in_the_level_frame_and_cropped(kitti_folder, calib):
     np.testing.assert_allclose(points[0, :3], calib.velo_to_level([[20.0, 0, 0]])[0], rtol=1e-6)
     np.testing.assert_array_equal(points[:, 3], np.float32([0.5, 0.1]))
     np.testing.assert_array_equal(sequence.read_points_level(0), points[:1])
+    narrow = KittiSequence(root, 0, image_size=(600, 375))  # the point ahead is at u = 612
+    assert len(narrow.read_points_level(0)) == 0
 
 
 def test_testing_subset_has_no_labels(kitti_folder):
@@ -178,6 +181,10 @@ def test_poses_turn_camera_motion_into_level_motion(kitti_folder):
     (root / "poses" / "0000.txt").write_text(rows[0] + "\n")
     with pytest.raises(InputError, match=r"expected 2 rows \(a pose per frame\), found 1"):
         assert KittiSequence(root, 0).poses is None
+    (root / SEQMAP).write_text("0000 empty 000001 000001\n")  # row 0 is still frame 0's
+    with pytest.raises(InputError, match="expected 2 rows"):
+        assert KittiSequence(root, 0).poses is None
+    (root / SEQMAP).unlink()
     (root / "poses" / "0000.txt").write_text("1 2 3\n")
     with pytest.raises(InputError, match=r":1: expected 12 columns, found 3"):
         assert KittiSequence(root, 0).poses is None
