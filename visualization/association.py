@@ -65,10 +65,13 @@ def association(view: Neighborhood, previous_boxes, current_boxes, title: str = 
 
 def _handles(view: Neighborhood) -> list:
     dot, cross = ({"linestyle": "none", "marker": m, "markersize": 8} for m in "ox")
+    ring = {**dot, "markersize": 5, "fillstyle": "none"}
     near = f"its nearest points, up to {len(view.group)} within {view.radius:g} m"
     return [
-        line_handle(PREVIOUS_COLOR, "a point of frame A, $p_i^{t-1}$", **dot),
+        line_handle(PREVIOUS_COLOR, "points of frame A", **ring),
+        line_handle(PREVIOUS_COLOR, "one of them, $p_i^{t-1}$", **dot),
         line_handle(PREVIOUS_COLOR, "where it was, in frame B", **cross),
+        line_handle(CURRENT_COLOR, "points of frame B", **ring),
         line_handle(CURRENT_COLOR, near, **dot),
         box_handle("0.6", "true vehicles"),
     ]

@@ -140,6 +140,7 @@ def test_association_shows_the_group_of_the_chosen_point():
     (circle,) = (patch for patch in right.patches if isinstance(patch, Circle))
     assert circle.radius == 5.0
     assert "its nearest points, up to 4 within 5 m" in _legend(figure)
+    assert {"points of frame A", "points of frame B"} < set(_legend(figure))
     assert right.get_ylabel() == ""  # the lines to the group pass there
 
 
