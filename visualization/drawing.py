@@ -1,6 +1,5 @@
 """Colours, axes and boxes that all pictures share."""
 
-import colorsys
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +15,25 @@ from kitti.boxes import box_corners
 
 TRUTH, FOUND, POINTS = "tab:green", "tab:blue", "0.6"
 TEXT = 11  # points, in figures of about 7 inches: readable where a picture is as wide as a phone
-_GOLDEN = 0.618034  # of a turn: consecutive hues are far apart and never repeat
-ON_WHITE = (0.40, 0.25, 0.46, 0.33)
-"""HLS lightness of consecutive ids."""
+ON_WHITE = (
+    "#ff4411", "#440066", "#aa5588", "#1122ff", "#ff22ff", "#dd9900", "#6600bb", "#8899ff",
+    "#aa0000", "#005599", "#ff2299", "#11bbbb", "#880066", "#7755ff", "#aa6600", "#0000aa",
+    "#dd88bb", "#660000", "#bb00cc", "#1188bb",
+)  # fmt: skip
+"""Colours of consecutive ids: next ones differ most, all from greys and the green of labels."""
+ON_DARK = (
+    "#aaddff", "#aa66aa", "#ccff00", "#ff8833", "#22bbff", "#ff55ff", "#aa7755", "#00ffdd",
+    "#7766ff", "#ffaacc", "#00aa99", "#dd00aa", "#ccbb00", "#bb99ff", "#ee1111", "#bb00ff",
+    "#ffdd99", "#1188cc", "#ff6699", "#779900",
+)  # fmt: skip
+"""The same for the dark background of the 3-D scene."""
 EDGES = ((0, 1, 2, 3, 0, 4, 5, 6, 7, 4), (1, 5), (2, 6), (3, 7))
 """Strokes through the corners of a box (see `kitti.boxes.box_corners`)."""
 
 
-def id_color(track_id: int, lightness: tuple[float, ...] = ON_WHITE) -> str:
-    """The colour of a track, #rrggbb: one for each id; by default dark enough for white paper."""
-    hue = (0.45 + 0.83 * (track_id * _GOLDEN % 1.0)) % 1.0  # all but the green of labels
-    lightness = lightness[track_id % len(lightness)]
-    red, green, blue = (round(255 * x) for x in colorsys.hls_to_rgb(hue, lightness, 0.85))
-    return f"#{red:02x}{green:02x}{blue:02x}"
+def id_color(track_id: int, colors: tuple[str, ...] = ON_WHITE) -> str:
+    """The colour of a track, #rrggbb; the colours repeat after twenty ids."""
+    return colors[track_id % len(colors)]
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 130) -> Path:

@@ -9,8 +9,8 @@ from common.errors import InputError
 from common.files import atomic_path
 from kitti.objects import Objects
 from visualization.clip import Clip
-from visualization.drawing import id_color
-from visualization.scene import ID_LIGHTNESS, PERIOD
+from visualization.drawing import ON_DARK, id_color
+from visualization.scene import PERIOD
 
 GREEN = (70, 214, 110)
 
@@ -46,7 +46,7 @@ def write_recording(path: str | Path, clip: Clip, trackers: Mapping[str, Objects
             recording.log("world/sensor/labels", _boxes(rr, truth, [GREEN] * len(truth)))
             for name, rows in trackers.items():
                 now = rows.at(t)
-                colors = [id_color(i, ID_LIGHTNESS) for i in now.track_id.tolist()]
+                colors = [id_color(i, ON_DARK) for i in now.track_id.tolist()]
                 now_colors = [tuple(bytes.fromhex(color[1:])) for color in colors]
                 recording.log(f"world/sensor/{name}", _boxes(rr, now, now_colors))
         recording.flush()

@@ -14,12 +14,11 @@ from kitti.objects import VEHICLES, Objects
 from metrics.clear3d import row_errors
 from metrics.comparison import compare
 from visualization.clip import Clip
-from visualization.drawing import id_color
+from visualization.drawing import ON_DARK, id_color
 from visualization.scene_points import POINTS_PER_FRAME, ScenePoints
 
 PERIOD = 0.1  # seconds between two frames: KITTI's scanner turns ten times a second
 MATCHED, FALSE_ALARM, SWITCH, NOT_EVALUATED = 0, 1, 2, -1
-ID_LIGHTNESS = (0.66, 0.56, 0.74, 0.61)  # bright, for the dark background
 
 
 def pack(values: Any, dtype: str) -> dict[str, str]:
@@ -96,7 +95,7 @@ def pack_boxes(
         "speed": pack(speeds(objects, clip.poses), "float32"),
         "box": pack(objects.boxes, "float32"),
         "errors": [pack(values, "int8") for values in errors],
-        "colors": [_rgb(id_color(i, ID_LIGHTNESS)) if color is None else color for i in ids],
+        "colors": [_rgb(id_color(i, ON_DARK)) if color is None else color for i in ids],
     }
 
 

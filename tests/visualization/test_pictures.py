@@ -1,6 +1,6 @@
 """Contents of every picture: axes in metres, boxes, lines, colours by id."""
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from visualization.animation import animate
 from visualization.association import Neighborhood, association
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
-from visualization.drawing import FOUND, TRUTH, id_color, outlines, save
+from visualization.drawing import FOUND, ON_DARK, ON_WHITE, TRUTH, id_color, outlines, save
 from visualization.sampling import Samplings, sampling, share_in_boxes
 from visualization.trajectories import trajectories
 
@@ -155,12 +155,16 @@ def test_trajectories_have_a_row_per_clip_and_a_colour_per_id(clip):
         assert panel.get_xlabel() == "x forward (m)"
 
 
-def test_each_id_has_a_colour_of_its_own_that_shows_on_white():
-    colors = [_rgba(id_color(i))[:3] for i in range(200)]
-    assert len(set(colors)) == 200
-    assert max(map(min, colors)) < 0.3  # none is near white
-    neighbours = np.abs(np.diff(np.array(colors), axis=0)).max(axis=1)
-    assert neighbours.min() > 0.3
+@pytest.mark.parametrize(
+    ("colors", "truth"), [(ON_WHITE, TRUTH), (ON_DARK, tuple(x / 255 for x in (70, 214, 110)))]
+)
+def test_ids_differ_from_each_other_from_labels_and_from_points(colors, truth):
+    rgb = np.array([_rgba(id_color(i, colors))[:3] for i in range(len(colors) + 1)])
+    assert len(colors) == 20 and (rgb[0] == rgb[20]).all()
+    assert np.linalg.norm(np.diff(rgb, axis=0), axis=1).min() > 0.5
+    assert min(np.linalg.norm(a - b) for a, b in combinations(rgb[:20], 2)) > 0.19
+    assert np.linalg.norm(rgb - _rgba(truth)[:3], axis=1).min() > 0.36
+    assert np.ptp(rgb, axis=1).min() > 0.25  # none is grey
 
 
 def test_words_are_readable_on_a_phone(clip):
