@@ -1,7 +1,8 @@
 """A frame from above: truth (green, dotted) against prediction (solid); the paper's Fig. 1."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from visualization.clip import Clip
@@ -17,9 +18,15 @@ from visualization.drawing import (
     label,
     legend_below,
     line_handle,
+    outlines,
 )
 
-TRAIL = 30  # frames: 3 s
+TRAIL = 30  # frames, length of a trail
+WIDTH = 7.2  # inches
+STEP = 5.0  # metres, to whose multiples the view is rounded
+ID_ROOM = (0.0, 3.0)  # metres along x and y above a box
+BULK, MARGIN = (1, 99), 1.0  # percentiles of the points in view, and metres around them
+SCANS = 10  # of a clip whose points decide on the view
 
 
 class BirdsEye:
@@ -29,24 +36,29 @@ class BirdsEye:
 
     Args:
         clip: scans, tracks and labels.
+        frames: that will be drawn, all in the same view.
         color: of the tracks: one, or a function of the id.
-        trail: length of a trail in frames.
-        size: width and height in inches.
+        width: of the figure in inches.
     """
 
     def __init__(
         self,
         clip: Clip,
+        frames: Sequence[int],
         color: str | Callable[[int], str] = FOUND,
-        trail: int = TRAIL,
-        size: tuple[float, float] = (7.2, 6.9),
+        width: float = WIDTH,
     ):
-        self.clip, self.color, self.trail = clip, color, trail
-        self.figure = Figure(figsize=size, layout="constrained")
+        self.clip, self.color = clip, color
+        x_range, y_range = view = view_of(clip, frames)
+        wide, high = np.ptp(view, axis=1)
+        height = 1.7 + (width - 0.8) * min(high / wide, 1.0)  # title, legend; the panel
+        self.figure = Figure(figsize=(width, height), layout="constrained")
         self.panel = self.figure.subplots()
-        birds_eye_axes(self.panel)
+        birds_eye_axes(self.panel, x_range, y_range)
         self._drawn = []  # of one frame
-        legend_below(self.figure, self._handles())
+        reference = "scanner" if clip.poses is None else "ground"
+        title = f"trails over the last {TRAIL} frames, relative to the {reference}"
+        legend_below(self.figure, self._handles(), title)
 
     def draw(self, t: int, title: str = "") -> Figure:
         """Replaces the contents by frame t; returns the figure."""
@@ -56,7 +68,7 @@ class BirdsEye:
         truth, found = clip.truth.at(t), clip.results.at(t)
         ids = found.track_id.tolist()
         colors = [self._of(i) for i in ids]
-        trails = [clip.trails(objects, t, self.trail) for objects in (clip.truth, clip.results)]
+        trails = [clip.trails(objects, t, TRAIL) for objects in (clip.truth, clip.results)]
         self._drawn = [
             draw_points(panel, clip.scan(t)),
             draw_boxes(panel, truth.boxes, TRUTH, linewidth=2.2, zorder=2),
@@ -75,24 +87,36 @@ class BirdsEye:
         return self.color(track_id) if callable(self.color) else self.color
 
     def _handles(self) -> list:
-        one = not callable(self.color)
-        color, name = (FOUND, "with ids") if one else ("0.2", "one colour per id")
+        several = callable(self.color)
+        name = "tracks, coloured by id" if several else "tracks, with ids"
         handles = []
         if len(self.clip.results) or not len(self.clip.truth):
-            handles += _handles(color, f"tracks, {name}", self.trail, "-", 1.2)
+            colors = [self._of(i) for i in range(3 if several else 1)]
+            handles += _handles(colors, name, linestyle="-", linewidth=1.2)
         if len(self.clip.truth):
-            handles += _handles(TRUTH, "truth", self.trail, ":", 2.2)
+            handles += _handles([TRUTH], "truth", linestyle=":", linewidth=2.2)
         return handles
 
 
 def birds_eye(clip: Clip, t: int, title: str = "") -> Figure:
-    """Frame t with boxes and their trails of the last 3 s."""
-    return BirdsEye(clip).draw(t, title)
+    """Frame t with boxes and their trails of the last `TRAIL` frames."""
+    return BirdsEye(clip, [t]).draw(t, title)
 
 
-def _handles(color: str, name: str, trail: int, linestyle: str, width: float) -> list:
-    text = f"its trail over the last {trail / 10:g} s"
-    return [
-        box_handle(color, name, linewidth=width),
-        line_handle(color, text, linestyle=linestyle, linewidth=width),
-    ]
+def view_of(clip: Clip, frames: Sequence[int]) -> np.ndarray:
+    """(2, 2) least and greatest x and y: the scanner, all boxes and the bulk of the points."""
+    boxes = [o[np.isin(o.frame, frames)].boxes for o in (clip.truth, clip.results)]
+    corners = outlines(np.concatenate(boxes)).reshape(-1, 2)
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    some = frames[:: max(1, len(frames) // SCANS)]
+    scanner = np.zeros((1, 2))
+    points = np.concatenate([scanner, *(clip.scan(t)[:, :2] for t in some)])
+    ends = np.percentile(points, BULK, axis=0) + MARGIN * np.array([[-1], [1]])
+    shown = np.concatenate([scanner, ends, corners, corners + ID_ROOM])
+    return STEP * np.stack([np.floor(shown.min(0) / STEP), np.ceil(shown.max(0) / STEP)], axis=1)
+
+
+def _handles(colors: Sequence[str], name: str, linewidth: float, linestyle: str) -> list[tuple]:
+    boxes = (box_handle(color, name, linewidth=linewidth) for color in colors)
+    style = {"linestyle": linestyle, "linewidth": linewidth}
+    return [tuple(boxes), tuple(line_handle(color, "their trails", **style) for color in colors)]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
@@ -61,11 +62,13 @@ def label(panel, *place_and_text, color, **style) -> Text:
     )
 
 
-def legend_below(figure: Figure, handles: list) -> None:
-    """Draws one legend below all panels."""
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=2, fontsize=TEXT, frameon=False
-    )
+def legend_below(figure: Figure, handles: list, title: str | None = None) -> None:
+    """Draws one legend below all panels; a tuple of handles is one entry, named by its first."""
+    labels = [(h[0] if isinstance(h, tuple) else h).get_label() for h in handles]
+    style = {"ncols": 2, "fontsize": TEXT, "title_fontsize": TEXT, "frameon": False}
+    side_by_side = {tuple: HandlerTuple(ndivide=None, pad=0.3)}
+    place = "outside lower center"
+    figure.legend(handles, labels, loc=place, title=title, handler_map=side_by_side, **style)
 
 
 def box_handle(color: str, text: str, **style) -> Patch:

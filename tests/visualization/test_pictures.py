@@ -1,5 +1,6 @@
 """Contents of every picture: axes in metres, boxes, lines, colours by id."""
 
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -10,9 +11,9 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from PIL import Image
 
 from kitti.objects import Objects
-from visualization.animation import animate
+from visualization.animation import animate, palette
 from visualization.association import Neighborhood, association
-from visualization.birds_eye import birds_eye
+from visualization.birds_eye import BirdsEye, birds_eye, view_of
 from visualization.clip import Clip
 from visualization.drawing import FOUND, ON_DARK, ON_WHITE, TRUTH, id_color, outlines, save
 from visualization.sampling import Samplings, sampling, share_in_boxes
@@ -79,8 +80,7 @@ def test_birds_eye_shows_truth_dotted_and_prediction_solid(clip, tmp_path):
     assert found_trails.get_linestyles()[0][1] is None  # solid
     assert len(found_trails.get_segments()[0]) == FRAMES
     assert [text.get_text() for text in panel.texts] == ["0", "1", "2"]
-    way = "its trail over the last 3 s"
-    assert _legend(figure) == ["tracks, with ids", way, "truth", way]
+    assert _legend(figure) == ["tracks, with ids", "their trails", "truth", "their trails"]
     path = save(figure, tmp_path / "a.png")
     assert np.asarray(Image.open(path).convert("L")).std() > 1
 
@@ -92,6 +92,41 @@ def test_trails_leave_out_the_sensors_own_motion():
     trail = clip.trails(clip.results, 5, 10)[0]
     # in the level frame of 5: the car at t was at 10 + t - t + 5 in that frame's coordinates
     np.testing.assert_allclose(trail[:, 0], np.full(FRAMES, 15.0))
+
+
+def test_the_legend_says_what_the_trails_are_relative_to(clip):
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    for known, reference in ((None, "scanner"), (poses, "ground")):
+        (legend,) = birds_eye(replace(clip, poses=known), 5).legends
+        title = f"trails over the last 30 frames, relative to the {reference}"
+        assert legend.get_title().get_text() == title
+
+
+def test_the_view_holds_the_boxes_and_the_bulk_of_the_points(clip):
+    def points(t: int):
+        return np.array([[30.0 + t, -11.0, 0]] * 200 + [[500.0, 500, 0]])
+
+    clip = replace(clip, points=points)
+    view = view_of(clip, range(FRAMES))
+    np.testing.assert_array_equal(view, [[0, 40], [-15, 15]])  # y: a box up to 8.9 m, and its id
+    far = _objects(1, 60.0)  # its front is at 10 + 5 + 60 + 2 m in the last frame
+    view = view_of(replace(clip, results=far), range(FRAMES))
+    np.testing.assert_array_equal(view[0], [0, 80])
+
+
+def test_all_frames_have_one_view_and_the_figure_its_shape(clip):
+    view = BirdsEye(clip, clip.frames)
+    limits = [(p.get_xlim(), p.get_ylim()) for t in (0, 5) for p in view.draw(t).axes]
+    assert limits[0] == limits[1] == tuple(map(tuple, view_of(clip, clip.frames)))
+    road = replace(clip, points=lambda t: np.array([[60.0, 0, 0]] * 100))
+    assert birds_eye(road, 5).get_figheight() < 0.7 * view.figure.get_figheight()
+
+
+def test_boxes_without_numbers_do_not_spoil_the_view(clip):
+    objects = _objects(1)
+    nowhere = Objects.from_boxes(0, np.arange(1), np.full((1, 7), np.nan), 1.0)
+    odd = replace(clip, results=Objects.concatenate([nowhere, objects]))
+    assert np.isfinite(view_of(odd, range(FRAMES))).all()
 
 
 def test_outline_has_a_stroke_to_the_front():
@@ -165,6 +200,19 @@ def test_ids_differ_from_each_other_from_labels_and_from_points(colors, truth):
     assert min(np.linalg.norm(a - b) for a, b in combinations(rgb[:20], 2)) > 0.19
     assert np.linalg.norm(rgb - _rgba(truth)[:3], axis=1).min() > 0.36
     assert np.ptp(rgb, axis=1).min() > 0.25  # none is grey
+
+
+def test_greys_stay_grey_and_colours_pure_in_an_animation():
+    greys = np.repeat(np.arange(256, dtype=np.uint8), 3).reshape(1, -1, 3)
+    pure = [[255 * x for x in _rgba(color)[:3]] for color in (TRUTH, *ON_WHITE)]
+    pure = np.array([pure]).round().astype(np.uint8)
+    shown = [
+        np.asarray(Image.fromarray(x).quantize(palette=palette(), dither=0).convert("RGB"), int)
+        for x in (greys, pure)
+    ]
+    assert np.ptp(shown[0], axis=2).max() == 0 and shown[0][0, 255, 0] == 255
+    assert np.abs(shown[0] - greys).max() <= 8
+    assert np.abs(shown[1] - pure).max() <= 4
 
 
 def test_words_are_readable_on_a_phone(clip):
