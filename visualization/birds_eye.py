@@ -76,7 +76,7 @@ class BirdsEye:
             draw_boxes(panel, found.boxes, colors, linewidth=1.2, zorder=3),
             draw_trails(panel, trails[1], self._of, linewidth=1.0, zorder=3),
             *(
-                label(panel, box[0], box[1] + 1.6, str(i), color=color, zorder=4)
+                label(panel, str(i), (box[0], box[1] + 1.6), color, clip_on=True, zorder=4)
                 for i, box, color in zip(ids, found.boxes, colors, strict=True)
             ),
         ]

@@ -9,7 +9,7 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.text import Text
+from matplotlib.text import Annotation
 
 from common.files import atomic_path
 from kitti.boxes import box_corners
@@ -54,12 +54,10 @@ def birds_eye_axes(panel, x_range=(0.0, 72.0), y_range=(-30.0, 30.0)) -> None:
     panel.set_ylabel("y left (m)", fontsize=TEXT)
 
 
-def label(panel, *place_and_text, color, **style) -> Text:
-    """Draws text with a white rim, legible over points and lines; returns it."""
+def label(panel, text: str, place, color: str, **style) -> Annotation:
+    """Draws text with a white rim at `place` (x, y), legible over points and lines; returns it."""
     rim = [withStroke(linewidth=2.5, foreground="white")]
-    return panel.text(
-        *place_and_text, color=color, fontsize=TEXT, clip_on=True, path_effects=rim, **style
-    )
+    return panel.annotate(text, place, color=color, fontsize=TEXT, path_effects=rim, **style)
 
 
 def legend_below(figure: Figure, handles: list, title: str | None = None) -> None:

@@ -37,9 +37,9 @@ PICTURES = {
     "probability filter (green) and by farthest-point sampling alone (red).",
     "association.png": "Association head (Fig. 4): the neighbours in the next frame (solid blue) "
     "of one point (solid red).",
-    "trajectories.png": "Trajectories in 3-D over 6 s (Fig. 6), one colour per id, at each "
+    "trajectories.png": "Trajectories in 3-D over 60 frames (Fig. 6), coloured by id, at each "
     "displacement; the grey points are the last scan.",
-    "animation.gif": "The sequence from above, one colour per id; true boxes are dotted.",
+    "animation.gif": "The sequence from above, coloured by id; true boxes are dotted.",
 }
 
 

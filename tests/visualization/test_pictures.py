@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Circle, ConnectionPatch
+from matplotlib.text import Text
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from PIL import Image
 
@@ -17,7 +18,7 @@ from visualization.birds_eye import BirdsEye, birds_eye, view_of
 from visualization.clip import Clip
 from visualization.drawing import FOUND, ON_DARK, ON_WHITE, TRUTH, id_color, outlines, save
 from visualization.sampling import Samplings, sampling, share_in_boxes
-from visualization.trajectories import trajectories
+from visualization.trajectories import SPAN, trajectories
 
 FRAMES = 6
 
@@ -188,6 +189,20 @@ def test_trajectories_have_a_row_per_clip_and_a_colour_per_id(clip):
         assert len(panel.collections) == 3
         assert all(isinstance(artist, Line3DCollection) for artist in panel.collections)
         assert panel.get_xlabel() == "x forward (m)"
+    assert _legend(figure) == ["tracks over the last 60 frames", "their boxes every 20 frames"]
+
+
+def test_ids_are_not_written_over_each_other():
+    count = 30
+    boxes = np.tile([20.0, 3, 0, 4, 1.8, 1.5, 0], (count, 1))
+    boxes[:, 0] += np.linspace(0, 1, count)
+    cars = Objects.from_boxes(SPAN, np.arange(count), boxes, 1.0)
+    figure = trajectories([Clip("0016", range(SPAN + 1), _points, cars, Objects.empty())], [""])
+    figure.draw_without_rendering()
+    (panel,) = figure.axes
+    assert sorted(int(text.get_text()) for text in panel.texts) == list(range(count))
+    words = [Text.get_window_extent(text) for text in panel.texts]
+    assert not any(a.overlaps(b) for a, b in combinations(words, 2))
 
 
 @pytest.mark.parametrize(
