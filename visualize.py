@@ -24,7 +24,7 @@ from visualization.animation import animate
 from visualization.birds_eye import birds_eye
 from visualization.clip import Clip
 from visualization.drawing import save
-from visualization.gallery import draw_network, draw_scene
+from visualization.gallery import draw_network, draw_scene, sequence_title
 from visualization.scene_points import POINTS_PER_FRAME
 from visualization.trajectories import trajectories
 
@@ -48,7 +48,7 @@ def make_parser() -> flags.ArgumentParser:
         add("--data_root", type=Path, required=True, help="folder in KITTI's tracking layout")
         add("--seq", required=True, help="sequence, such as 0016")
         add("--out", type=Path, required=True, help="file to write (network: folder)")
-        several = ", one per --results" if name == "trajectories" else ""
+        several = ", one for all --results or one each" if name == "trajectories" else ""
         shifts = flags.non_negative_floats if several else flags.non_negative_float
         help_text = f"metres, D of section IV.D{several}"
         add("--object_shift", "--displacements", type=shifts, default="0", help=help_text)
@@ -123,9 +123,7 @@ def draw_drive(args: argparse.Namespace) -> list[Path]:
     pairs = zip(names, args.results, strict=True)
     trackers = {name: read_tracks(scene, folder) for name, folder in pairs}
     clip = Clip.of_scene(scene, Objects.empty())
-    title = f"sequence {scene.name}"
-    if args.object_shift:
-        title += f", objects shifted by up to {args.object_shift:g} m"
+    title = sequence_title(scene.name, args.object_shift)
     weights = args.weights if args.foreground else None
     options = {"min_iou": args.iou, "points_per_frame": args.points}
     files = [draw_scene(clip, trackers, title, args.out, weights, **options)]
@@ -140,7 +138,7 @@ def draw_inside(args: argparse.Namespace) -> list[Path]:
     files = [args.out / name for name in ("sampling.png", "association.png", "network.html")]
     clip = Clip.of_scene(open_scene(args, args.object_shift), Objects.empty())
     sampling, association, scene = files
-    title = f"sequence {clip.name}"
+    title = sequence_title(clip.name, args.object_shift)
     draw_network(clip, args.weights, title, sampling, association, args.frame, scene)
     return files
 
@@ -148,21 +146,24 @@ def draw_inside(args: argparse.Namespace) -> list[Path]:
 def draw_trajectories(args: argparse.Namespace) -> list[Path]:
     """Draws Fig. 6."""
     _check_suffix(args.out, STILL)
-    if len(args.results) != len(args.object_shift):
-        raise InputError("expected as many --results as values of --object_shift")
-    pairs = zip(args.object_shift, args.results, strict=True)
-    clips = [make_clip(args, distance, results) for distance, results in pairs]
-    names = [
-        f"sequence {clips[0].name}, objects shifted by up to {d:g} m" for d in args.object_shift
-    ]
-    return [save(trajectories(clips, names), args.out)]
+    count, shifts = len(args.results), args.object_shift
+    if len(shifts) == 1:
+        shifts *= count
+    if len(shifts) != count:
+        raise InputError(f"--object_shift: expected 1 or {count} values, found {len(shifts)}")
+    names = tracker_names(args.results) if count > 1 else [""]
+    rows = list(zip(shifts, args.results, names, strict=True))
+    clips = [make_clip(args, shift, results) for shift, results, _ in rows]
+    titles = [sequence_title(clips[0].name, shift, name) for shift, _, name in rows]
+    return [save(trajectories(clips, titles), args.out)]
 
 
 def draw_animation(args: argparse.Namespace) -> list[Path]:
     """Writes a GIF."""
     _check_suffix(args.out, (".gif",))
     clip = make_clip(args, args.object_shift, *(args.results or [None]))
-    return [animate(clip, args.out, max_frames=args.animation_frames)]
+    title = sequence_title(clip.name, args.object_shift)
+    return [animate(clip, args.out, title, args.animation_frames)]
 
 
 def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
@@ -173,7 +174,8 @@ def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
     if frame not in clip.frames:
         first, last = clip.frames[0], clip.frames[-1]
         raise InputError(f"--frame: expected {first} to {last}, found {frame}")
-    return [save(birds_eye(clip, frame), args.out)]
+    title = f"{sequence_title(clip.name, args.object_shift)}, frame {frame}"
+    return [save(birds_eye(clip, frame, title), args.out)]
 
 
 DRAW = {

@@ -10,6 +10,7 @@ import pytest
 from helpers import two_cars
 from helpers.small_weights import write_weights
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from PIL import Image
 
 import visualize
@@ -56,7 +57,29 @@ def test_trajectories_have_a_row_per_folder_of_results(root, tmp_path):
         assert run(root, "trajectories", out, *results, "--displacements", distances) == 0
         sizes.append(Image.open(out).size)
     (width, height), two = sizes
-    assert two[0] == width and two[1] == pytest.approx(2 * height, abs=2)
+    assert two[0] == width and 1.8 < two[1] / height < 2
+
+
+@pytest.mark.parametrize(
+    ("shifts", "endings"),
+    [
+        ([], ["results", "results (2)"]),
+        (["--object_shift", "2"], ["shifted by up to 2 m"] * 2),
+        (["--object_shift", "0,2"], ["results", "results (2), objects shifted by up to 2 m"]),
+    ],
+)
+def test_rows_of_trajectories_are_named(root, tmp_path, monkeypatch, shifts, endings):
+    seen = []
+
+    def keep(_, titles) -> Figure:
+        seen.extend(titles)
+        return Figure()
+
+    monkeypatch.setattr(visualize, "trajectories", keep)
+    results = ["--results", root / "results", root / "results"]
+    assert run(root, "trajectories", tmp_path / "a.png", *results, *shifts) == 0
+    assert len(seen) == 2
+    assert all(title.endswith(end) for title, end in zip(seen, endings, strict=True))
 
 
 def test_scene_of_two_folders_of_results(root, tmp_path, capsys):
@@ -119,7 +142,12 @@ def test_animation_has_every_frame(root, tmp_path):
     [
         ("birds_eye", "a.gif", ("--results", "R"), "expected a file ending in .png, .pdf, .svg"),
         ("animation", "a.png", ("--results", "R"), "expected a file ending in .gif"),
-        ("trajectories", "a.png", ("--results", "R", "R"), "as many --results as values of"),
+        (
+            "trajectories",
+            "a.png",
+            ("--results", "R", "R", "R", "--object_shift", "0,2"),
+            "--object_shift: expected 1 or 3 values, found 2",
+        ),
         ("scene", "a.png", (), "expected a file ending in .html"),
         ("scene", "a.html", ("--iou", "0"), "--iou: expected above 0 and at most 1, found 0"),
         ("scene", "a.html", ("--rerun", "a.txt"), "--rerun: expected a file ending in .rrd"),

@@ -23,6 +23,12 @@ from visualization.scene_points import FOREGROUND, ScenePoints
 from visualization.trajectories import trajectories
 
 
+def sequence_title(name: str, object_shift: float, results: str = "") -> str:
+    """The title of a sequence, with its object shift in metres and the results' name, if any."""
+    shift = f"objects shifted by up to {object_shift:g} m" if object_shift else ""
+    return ", ".join(part for part in (f"sequence {name}", results, shift) if part)
+
+
 class Picture(NamedTuple):
     """A file and its caption."""
 

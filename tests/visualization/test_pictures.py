@@ -17,6 +17,7 @@ from visualization.association import Neighborhood, association
 from visualization.birds_eye import BirdsEye, birds_eye, view_of
 from visualization.clip import Clip
 from visualization.drawing import FOUND, ON_DARK, ON_WHITE, TRUTH, id_color, outlines, save
+from visualization.gallery import sequence_title
 from visualization.sampling import Samplings, sampling, share_in_boxes
 from visualization.trajectories import SPAN, trajectories
 
@@ -228,6 +229,12 @@ def test_greys_stay_grey_and_colours_pure_in_an_animation():
     assert np.ptp(shown[0], axis=2).max() == 0 and shown[0][0, 255, 0] == 255
     assert np.abs(shown[0] - greys).max() <= 8
     assert np.abs(shown[1] - pure).max() <= 4
+
+
+def test_the_title_names_results_and_shift_where_there_are_any():
+    assert sequence_title("0016", 0.0) == "sequence 0016"
+    expected = "sequence 0016, sort, objects shifted by up to 0.5 m"
+    assert sequence_title("0016", 0.5, "sort") == expected
 
 
 def test_words_are_readable_on_a_phone(clip):
