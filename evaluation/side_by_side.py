@@ -16,7 +16,7 @@ from evaluation.scene import Scene
 from tracking import PREDICTED_MOTION, FrameDetections
 
 OURS = ("pointtracknet", "pointtracknet_no_probation")
-SIDE_BY_SIDE = (*OURS, "sort", "deep_sort", "ab3dmot")
+SIDE_BY_SIDE = (*OURS, "sort", "deep_sort", "deep_sort_published", "ab3dmot")
 NETWORK_PARTS = ("detect", "displacement", "appearance")
 
 
@@ -60,7 +60,7 @@ def evaluate_cached(
     network = network_seconds(cached, config.open_scenes())
     if tracker not in PREDICTED_MOTION:
         network["displacement"] = 0.0
-    if tracker != "deep_sort":
+    if not tracker.startswith("deep_sort"):
         network["appearance"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}
     return {**record, "seconds_per_frame": {**seconds, "total": sum(seconds.values())}}

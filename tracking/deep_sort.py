@@ -53,7 +53,7 @@ class DeepSortParameters:
     min_iou: float = 0.3  # the authors' default: IoU distance up to 0.7
     max_age: int = 30  # "A_max = 30 frames", section III
     min_hits: int = 3  # "first three frames" tentative, section II.A
-    lost_frames: int = 1  # frames for which a lost track is reported; the authors' code
+    lost_frames: int = 0  # frames for which a lost track is reported; its authors' code: 1
     noise: Noise = METRIC_NOISE
 
 

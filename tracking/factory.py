@@ -26,6 +26,7 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
     "sort": (Sort, SortParameters()),
     "sort_image": (Sort, SortParameters(space="image")),
     "deep_sort": (DeepSort, DeepSortParameters()),
+    "deep_sort_published": (DeepSort, DeepSortParameters(lost_frames=1)),
     "ab3dmot": (Ab3dmot, Ab3dmotParameters()),
 }
 """Name -> class and its default parameters."""

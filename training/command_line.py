@@ -9,6 +9,7 @@ from pathlib import Path
 from common.config_flags import add_flags, from_flags
 from common.errors import InputError
 from common.flags import ArgumentParser, non_negative_int
+from common.notes import note
 from training.sampling.data import add_data_flags, check_objects, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
@@ -97,6 +98,10 @@ def train(flags, make_task, config, picture=None) -> int:
             start_from(flags.init, run)
     try:
         run_training(run, flags.resume)
+    except KeyboardInterrupt:
+        steps = CheckpointFolder(workdir / CHECKPOINTS, 1).steps()
+        note(f"--resume goes on from step {steps[-1] if steps else 0}")
+        raise
     except TrainingDivergedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -36,7 +36,7 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
         prepare_workdir(workdir, resume)
     folder = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints)
     step = resume_run(run, folder) if resume else 0
-    if run.chief and not resume:
+    if run.chief and step == 0:  # resumed before its first checkpoint: perhaps with other flags
         write_json(workdir / "config.json", run.started)
     history = History(workdir / "history.csv", step)
     if step >= schedule.epochs * run.order.steps_per_epoch:

@@ -53,15 +53,15 @@ def test_cascade_prefers_the_track_seen_more_recently():
     assert found(step(tracker, 0.2)) == [1]
 
 
-def test_a_track_is_reported_for_one_frame_after_its_last_match_at_its_prediction():
-    tracker = make_tracker("deep_sort")
+def test_the_authors_code_reports_a_track_for_one_frame_after_its_last_match_at_its_prediction():
+    tracker = make_tracker("deep_sort_published")
     for t in range(6):
         step(tracker, 0.5 * t)
     tracks = step(tracker)
     assert tracks.detections.tolist() == [-1]
     np.testing.assert_allclose(tracks.boxes, cars(3.0), atol=0.1)
     assert len(step(tracker)) == 0
-    assert len(step(settled(0.0, lost_frames=0))) == 0
+    assert len(step(settled(0.0))) == 0  # the default: never
 
 
 def test_a_frame_without_appearance_among_others_goes_by_distance():

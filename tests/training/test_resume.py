@@ -9,6 +9,7 @@ from helpers.detector_run import SHORT, detector_run
 from helpers.network_cases import SMALL_DETECTOR
 
 import train_det
+from common.config import parse_json
 from common.errors import InputError
 from common.files import write_json
 from models import checkpoint
@@ -41,6 +42,26 @@ def test_resumed_before_the_first_checkpoint_starts_from_init(tiny_data, tmp_pat
     (workdir / "checkpoints" / "step-00000001.npz").touch()
     train_det.main([*words, "--resume"])  # now the checkpoint decides
     assert any(np.any(seen[2][name] != seen[0][name]) for name in seen[0])
+
+
+def test_flags_may_change_before_the_first_checkpoint_and_are_recorded(tiny_data, tmp_path):
+    write_json(tmp_path / "config.json", {"config": "of a training without a checkpoint"})
+    run = detector_run(tiny_data, tmp_path, SHORT)
+    loop.run_training(run, resume=True)
+    assert parse_json((tmp_path / "config.json").read_bytes(), tmp_path) == run.started
+
+
+def test_an_interrupt_says_where_it_goes_on(tiny_data, tmp_path, monkeypatch, capsys):
+    def interrupted(run, resume):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(loop, "run_training", interrupted)
+    words = ["--data_root", tiny_data, "--seqs", "0000", "--val_data_root", tiny_data, "--smoke"]
+    words += ["--val_seqs", "0001", "--workdir", tmp_path / "workdir"]
+    words = [str(word) for word in (*words, *config_flags(SMALL_DETECTOR, "detector"))]
+    with pytest.raises(KeyboardInterrupt):
+        train_det.main(words)
+    assert "--resume goes on from step 0" in capsys.readouterr().err
 
 
 def test_a_tracker_does_not_resume_on_another_detector(tiny_data, tmp_path):
