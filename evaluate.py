@@ -14,7 +14,7 @@ from pathlib import Path
 from common import flags
 from common.config_flags import add_flags, from_flags
 from common.errors import InputError
-from evaluation.config import EvaluateConfig
+from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.run import evaluate
 from evaluation.submission import SUBMISSION
 from evaluation.table import overall_table, threshold_line
@@ -24,6 +24,10 @@ __all__ = ["EvaluateConfig", "evaluate", "main"]
 
 
 DEFAULT_OUT = Path("results/evaluate")
+_BOXES = {
+    GROUND_TRUTH: "the labelled boxes (--detections network: the detector's)",
+    NETWORK: "the detector's boxes",
+}
 
 
 def parse_config(argv: Sequence[str] | None = None) -> EvaluateConfig:
@@ -42,6 +46,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     config = parse_config(argv)
     record = evaluate(config)
     metrics = {name: record[name] for name in config.protocols}
+    if config.results is None:
+        print(f"{config.tracker} on {_BOXES.get(config.detections, config.detections)}")
     if metrics:
         print(overall_table(metrics) + threshold_line(record["run"]), end="")
     print(f"written to {config.out}")

@@ -1,9 +1,9 @@
 """PointTrackNet as a library: scans in, tracks out, one call per scan.
 
 tracker = Tracker.load()
-for path in sorted(Path("scans").glob("*.bin")):
+for frame, path in find_scans("scans").items():
     tracks = tracker.update(read_scan(path))
-    print(tracks.ids, tracks.boxes)
+    print(frame, tracks.ids, tracks.boxes)
 """
 
 import math

@@ -21,7 +21,12 @@ from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
 from evaluation.tracking_loop import result_rows
-from kitti.calibration import Calibration, read_calibration, standard_mounting
+from kitti.calibration import (
+    SENSOR_HEIGHT,
+    Calibration,
+    read_calibration,
+    standard_mounting,
+)
 from kitti.camera_view import (
     check_view,
     describe_image_size,
@@ -54,6 +59,13 @@ class TrackConfig:
     scans: Path = option(MISSING, f"folder of scans ({' '.join(SUFFIXES)})")
     out: Path = option(MISSING, "output folder")
     calib: Path | None = option(None, "calibration in KITTI's layout (default: KITTI's mounting)")
+    sensor_height: float | None = option(
+        None,
+        f"metres of the scanner above the road, without --calib (default: {SENSOR_HEIGHT})",
+        flags.finite_float,
+        least=0.2,
+        most=10.0,
+    )
     image_size: str | None = option(
         None, "of the camera, such as 1242x375 (default: from the calibration)"
     )
@@ -225,6 +237,15 @@ def open_scans(args: TrackConfig) -> Scans:
     return Scans(args.scans, ScanLayout(columns, args.scan_dtype, args.scan_scale))
 
 
+def mounting(args: TrackConfig) -> Calibration:
+    """The calibration of the flags; raises InputError if it is broken or given twice."""
+    if args.calib is None:
+        return standard_mounting(args.sensor_height or SENSOR_HEIGHT)
+    if args.sensor_height is not None:
+        raise InputError("--sensor_height: expected without --calib, which defines the mounting")
+    return read_calibration(args.calib)
+
+
 def load_tracker(args: TrackConfig, calib: Calibration, size: tuple[int, int]):
     """The `pointtracknet.Tracker` of the flags; prints the device and the score threshold."""
     network_files(args.weights)  # before the import of TensorFlow
@@ -255,7 +276,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Tracks, writes the tracks and the pictures, prints where they are."""
     args = parse_config(argv)
     formats, scans = parse_formats(args.format), open_scans(args)
-    calib = standard_mounting() if args.calib is None else read_calibration(args.calib)
+    calib = mounting(args)
     given = None if args.image_size is None else parse_image_size(args.image_size)
     try:
         size, known_from = describe_image_size(calib, given)

@@ -29,6 +29,8 @@ _SHAPES = dict.fromkeys((*_WRITTEN, "Tr", _WAYMO), (3, 4)) | {
     **{"R": (3, 3), "T": (3, 1)},
 }
 _REQUIRED = ("P2", "R0_rect", "Tr_velo_to_cam")
+SENSOR_HEIGHT = 1.73
+"""Metres of KITTI's Velodyne above the ground."""
 MAX_PIXELS = 20_000
 """Of a side of an image: more than any camera has."""
 _MAX_NUMBER = 1e6  # metres, pixels
@@ -219,16 +221,18 @@ def write_calibration(path: str | Path, calib: Calibration) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def standard_mounting() -> Calibration:
+def standard_mounting(sensor_height: float = SENSOR_HEIGHT) -> Calibration:
     """A calibration for scans without one: KITTI's car, mounted without any rotation.
 
-    The Velodyne upright, x ahead, 1.73 m above the ground; the camera 0.27 m in front of it.
+    The Velodyne upright, x ahead, `sensor_height` metres above the ground; the camera 0.27 m in
+    front of it and, as on KITTI's car, 1.65 m above the ground.
 
     Lever arm: Geiger et al., IJRR 2013, figure 3. Lens of the left colour camera: the nominal
     values of KITTI's first recording day (1242 x 375 pixels); they only set which part of
     the scan is used.
     """
-    lever_arm = np.array([[-0.004], [-0.076], [-0.272]])  # metres, camera frame
+    above = sensor_height - SENSOR_HEIGHT + 0.076  # of the camera
+    lever_arm = np.array([[-0.004], [-above], [-0.272]])  # metres, camera frame
     return Calibration(
         p2=np.array(
             [[721.5377, 0, 609.5593, 44.86], [0, 721.5377, 172.854, 0.2164], [0, 0, 1, 0.003]]

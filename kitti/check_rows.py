@@ -33,9 +33,9 @@ def note_projection(
             fault = f"do not project to the 2-D boxes (median IoU {overlap:.2f})"
             note(f"{path}: the 3-D boxes {fault}: {_EXPECTED}")
             return
-    outside = np.isnan(projected[~given, 0])
-    if len(outside) >= _FEW_BOXES and outside.mean() > 0.5:
-        fault = f"{outside.sum()} of {len(outside)} boxes lie outside the camera's view"
+    outside = int(np.isnan(projected[~given, 0]).sum())
+    if outside >= _FEW_BOXES and outside > 0.5 * len(rows):
+        fault = f"{outside} of {len(rows)} boxes lie outside the camera's view"
         note(f"{path}: {fault}, where KITTI has no labels: {_EXPECTED}")
 
 

@@ -1,6 +1,7 @@
 """track.py and the library's Tracker, on a network of given outputs and on a real one."""
 
 import csv
+import dataclasses
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -54,6 +55,19 @@ def test_standard_mounting_is_kittis():
     np.testing.assert_allclose(calib.velo_to_level(np.zeros((1, 3)))[0], [-0.272, 0.004, 0.076])
     ahead = calib.velo_to_level(np.array([[10.0, 2.0, 1.0]]))[0]
     np.testing.assert_allclose(ahead, [10 - 0.272, 2.004, 1.076])
+
+
+def test_the_height_of_the_scanner_leaves_the_road_where_it_is():
+    road = np.array([[20.0, 3.0, -1.0]])  # below a scanner at 1 m
+    expected = standard_mounting().velo_to_level(np.array([[20.0, 3.0, -1.73]]))
+    np.testing.assert_allclose(standard_mounting(1.0).velo_to_level(road), expected)
+    given = track.TrackConfig(Path("scans"), Path("out"), sensor_height=1.0)
+    np.testing.assert_array_equal(
+        track.mounting(given).tr_velo_to_cam, standard_mounting(1.0).tr_velo_to_cam
+    )
+    both = dataclasses.replace(given, calib=Path("calib.txt"))
+    with pytest.raises(InputError, match="--sensor_height: expected without --calib"):
+        track.mounting(both)
 
 
 def test_one_call_per_scan_keeps_the_id_of_a_fast_car():

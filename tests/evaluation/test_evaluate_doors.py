@@ -210,6 +210,16 @@ def test_boxes_out_of_view_are_noted_where_no_2d_boxes_tell(root, tmp_path, caps
     assert seen in capsys.readouterr().err
 
 
+def test_a_few_boxes_out_of_view_among_others_are_no_fault(root, tmp_path, capsys):
+    path = root / "detections" / "0000.txt"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    behind = [[*r[:2], *"0000", *r[6:12], "-20", *r[13:]] for r in rows[:12]]
+    assert len(rows) > 20
+    path.write_text("".join(",".join(r) + "\n" for r in [*rows, *behind]))
+    run(root, tmp_path / "a", "--tracker", "sort", "--detections", path.parent)
+    assert "outside the camera's view" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("shift", [1, -1])
 def test_frames_counted_from_another_number_are_noted(root, tmp_path, capsys, shift):
     run(root, tmp_path / "a", "--tracker", "gt_displacement")
