@@ -12,5 +12,5 @@ def network_files(folder: str | Path) -> list[Path]:
     paths = [Path(folder) / DETECTOR, Path(folder) / TRACKER]
     for path in paths:
         if not path.is_file():
-            raise InputError("expected a checkpoint file", path)
+            raise InputError("expected a checkpoint file, as training.export writes it", path)
     return paths

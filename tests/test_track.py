@@ -292,7 +292,7 @@ def test_a_full_turn_with_another_axis_ahead_is_refused_and_then_read(
     assert flags.run(track.main, argv) == 2  # a single scan does not move
     assert "the scene is wider than long" in capsys.readouterr().err
     assert flags.run(track.main, [*argv, *flag.split()]) == 2
-    assert capsys.readouterr().err.endswith("detector.npz: expected a checkpoint file\n")
+    assert capsys.readouterr().err.endswith("writes it\n")
     assert not (tmp_path / "out").exists()
 
 

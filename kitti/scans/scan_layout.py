@@ -116,8 +116,11 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
         raise InputError(f"{expected}: {way}", path)
     if magic:
         raise InputError(f"expected raw float32 numbers, found a {magic} by another name", path)
-    if not data or len(data) % size:
-        hint = "" if given or not data else _hint(data)
+    if not data:
+        way = "without the file the frame counts as one without a scan"
+        raise InputError(f"expected points, found 0 bytes: {way}", path)
+    if len(data) % size:
+        hint = "" if given else _hint(data)
         raise InputError(
             f"expected a positive multiple of {size} bytes, found {len(data)} "
             f"({dtype.name} {','.join(columns)}){hint}",

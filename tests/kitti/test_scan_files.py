@@ -103,6 +103,9 @@ def test_damaged_records_raise_no_warning(tmp_path):
     (tmp_path / "0.bin").write_bytes((signalling * 4 + b"\0\0") * 7)
     with pytest.raises(InputError, match="expected a positive multiple of 16 bytes"):
         read_points(tmp_path / "0.bin")
+    (tmp_path / "0.bin").write_bytes(b"")
+    with pytest.raises(InputError, match="found 0 bytes: without the file the frame counts as"):
+        read_points(tmp_path / "0.bin")
 
 
 def test_points_of_a_map_are_refused(tmp_path):
