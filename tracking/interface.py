@@ -64,8 +64,11 @@ class MultiObjectTracker(Protocol):
     def update(self, detections: FrameDetections, context: FrameContext = NO_CONTEXT) -> Tracks:
         """Associates the detections of frame t with the tracks.
 
+        Without data that are not there (`None`) a tracker does without: Algorithm 1 then moves a
+        box by its last displacement, at first by none; AB3DMOT takes the sensor as standing.
+
         Raises:
-            InputError: the context lacks data that the method needs.
+            InputError: `sort_image` without the image boxes of the context.
         """
 
 

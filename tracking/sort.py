@@ -57,7 +57,10 @@ class Sort(KalmanTracker):
         """Boxes in the space of the filter, and their rows in `boxes`."""
         if self.parameters.space == "level":
             return boxes, np.arange(len(boxes))
-        image_boxes = np.asarray(context.image_boxes(boxes), np.float64)
+        image_boxes = context.image_boxes(boxes)
+        if image_boxes is None:
+            raise InputError("sort_image: expected a FrameContext with image_boxes()")
+        image_boxes = np.asarray(image_boxes, np.float64)
         if image_boxes.shape != (len(boxes), 4):
             raise InputError(f"expected image_boxes ({len(boxes)}, 4), found {image_boxes.shape}")
         extent = image_boxes[:, 2:] - image_boxes[:, :2]

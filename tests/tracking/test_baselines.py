@@ -140,7 +140,7 @@ def test_image_filter_learns_a_constant_motion_and_growth():
 
 
 def test_sort_in_image_space_needs_image_boxes():
-    with pytest.raises(InputError, match=r"expected image_boxes \(1, 4\), found \(\)"):
+    with pytest.raises(InputError, match=r"sort_image: expected a FrameContext with image_boxes"):
         step(make_tracker("sort", space="image"), cars(0.0))
     with pytest.raises(InputError, match="space: expected one of level, image"):
         make_tracker("sort", space="bev")
