@@ -29,7 +29,8 @@ PLACE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 COMMAND = re.compile(r"^(Made by )?`[^`]+`\.?$")  # also in the line of the record
 EVALUATIONS = {"simulated": "validation", "real": "real"}
 DISTANCES = ("0.0", "2.0")  # metres, as the files of evaluations name them
-BASELINES = ("sort", "deep_sort", "ab3dmot")
+BASELINES = ("sort", "deep_sort", "deep_sort_published", "ab3dmot")
+KITTI_RULES = "kitti3d "  # before the name of a figure
 
 
 def documents() -> list[Path]:
@@ -103,16 +104,19 @@ def _paper(name: str, boxes: str) -> list[str]:
 def _behind(evaluations: Sequence[dict[str, list[dict[str, float]]]], heads: Sequence[str]) -> str:
     columns = [part[distance] for part in evaluations for distance in DISTANCES]
     parts = []
-    for head, figures in zip(heads, columns, strict=False):
-        ours, *others = (
-            mean_and_spread([f[f"MOTA@0.5, {tracker}"] for f in figures])[0]
-            for tracker in ("pointtracknet", *BASELINES)
-        )
-        if ours is None:  # without a labelled vehicle
-            continue
-        names = zip(map(TRACKER_NAMES.__getitem__, BASELINES), others, strict=True)
-        if ahead := [name for name, value in names if value > ours]:
-            parts.append(f"{', '.join(ahead)} ({head})")
+    for rules, more in (("", ""), (KITTI_RULES, ", by KITTI's rules `kitti3d`")):
+        for head, figures in zip(heads, columns, strict=False):
+            mota = {
+                tracker: mean_and_spread([f.get(f"{rules}MOTA@0.5, {tracker}") for f in figures])[0]
+                for tracker in ("pointtracknet", *BASELINES)
+            }
+            ours = mota.pop("pointtracknet")
+            if ours is None:  # without a labelled vehicle, or not measured
+                continue
+            ahead = [name for name, value in mota.items() if value is not None and value > ours]
+            if ahead:
+                names = ", ".join(f"{TRACKER_NAMES[name]} {mota[name]:.3f}" for name in ahead)
+                parts.append(f"{names} (ours {ours:.3f}; {head}{more})")
     if not parts:
         return "No baseline is ahead of PointTrackNet in these columns.\n"
     return f"**PointTrackNet loses to** {'; '.join(parts)}.\n"

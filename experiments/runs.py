@@ -37,6 +37,7 @@ TRACKER_NAMES = {
     "sort": "SORT",
     "sort_image": "SORT, image boxes",
     "deep_sort": "DEEP_SORT",
+    "deep_sort_published": "DEEP_SORT, as published",
     "ab3dmot": "AB3DMOT",
     "gt_displacement": "Algorithm 1, label motion",
 }

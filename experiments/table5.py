@@ -12,13 +12,14 @@ Mean and standard deviation over `--seeds` of the object shift. Writes table5.md
 Without networks it takes minutes; the networks run once for each seed, about 0.25 s a frame.
 """
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from common import flags
 from common.markdown import markdown
-from evaluation.config import GROUND_TRUTH, NETWORK
+from evaluation.config import GROUND_TRUTH, NETWORK, parse_names
 from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.runs import (
     TRACKER_NAMES,
@@ -33,9 +34,9 @@ from experiments.runs import (
     shown,
     write,
 )
-from tracking import PREDICTED_MOTION
+from tracking import PREDICTED_MOTION, TRACKERS
 
-BASELINES = ("sort", "sort_image", "deep_sort", "ab3dmot")
+BASELINES = ("sort", "sort_image", "deep_sort", "deep_sort_published", "ab3dmot")
 UPPER_BOUND = "gt_displacement"
 DISPLACEMENT = {UPPER_BOUND: "of the labels", **dict.fromkeys(PREDICTED_MOTION, "predicted")}
 DISTANCES = (0.0, 2.0)
@@ -59,6 +60,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     add_shift_flags(parser)
     add_network_flags(parser)
     parser.add_argument("--detections", help="folder of PointRCNN detections; none: no such part")
+    text = f"of tracking/factory.py, beside PointTrackNet (default: {','.join(BASELINES)})"
+    add = parser.add_argument
+    add("--baselines", type=_trackers, default=BASELINES, metavar="NAMES", help=text)
     args = parser.parse_args(argv)
     fields, parts = common_fields(args), parts_of(args)
     rows = {
@@ -75,12 +79,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     write(args.out, "table5", "Table V", text, _figures(values), **details)
 
 
+def _trackers(text: str) -> tuple[str, ...]:
+    """argparse type: names of trackers between commas."""
+    names = parse_names(text)
+    if unknown := [name for name in names if name not in TRACKERS]:
+        expected = f"expected trackers among {','.join(TRACKERS)}"
+        raise argparse.ArgumentTypeError(f"{expected}, found {unknown[0]!r}")
+    return names
+
+
 def parts_of(args) -> list[Part]:
     """The parts of the table selected by the flags."""
     classes = " and ".join(args.classes)
-    networks, trackers = {}, (*BASELINES, UPPER_BOUND)
+    networks, others = {}, (*args.baselines, UPPER_BOUND)
+    trackers = others
     if args.weights is not None:
-        networks, trackers = network_fields(args), (*PREDICTED_MOTION, *BASELINES, UPPER_BOUND)
+        networks, trackers = network_fields(args), (*PREDICTED_MOTION, *others)
     parts = [Part(f"Ground-truth boxes of {classes}", "gt", trackers, networks)]
     if networks:
         boxes = {**networks, "detections": NETWORK}
@@ -89,10 +103,10 @@ def parts_of(args) -> list[Part]:
         cars = {"classes": ("Car",)}
         if args.classes != cars["classes"]:
             true = {**cars, "detections": GROUND_TRUTH}
-            parts.append(Part("Ground-truth boxes of Car", "gt", (*BASELINES, UPPER_BOUND), true))
+            parts.append(Part("Ground-truth boxes of Car", "gt", others, true))
         found = {**cars, "detections": args.detections, "score_threshold": MIN_SCORE}
         title = f"PointRCNN's boxes of Car, score of at least {MIN_SCORE:g}"
-        parts.append(Part(title, "predicted", (*BASELINES, UPPER_BOUND), found))
+        parts.append(Part(title, "predicted", others, found))
     return parts
 
 
@@ -105,7 +119,7 @@ def _tables(parts: list[Part], values: dict[tuple, list[dict]], seeds: int) -> s
     for part in parts:
         lines = [
             [
-                f"{TRACKER_NAMES[tracker]}, {distance:g} m",
+                f"{TRACKER_NAMES.get(tracker, tracker)}, {distance:g} m",
                 DISPLACEMENT.get(tracker, "-"),
                 *our_cells(values[part.title, tracker, distance]),
             ]

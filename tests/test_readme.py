@@ -80,8 +80,14 @@ def test_the_summary_names_the_trackers_that_are_ahead():
     ours = next(line for line in text.splitlines() if line.startswith("| PointTrackNet"))
     assert re.findall(r"-?\d\.\d{3}", ours) == ["0.500", "0.000"] * 4 + ["0.738", "0.647"]
     assert text.endswith(
-        "**PointTrackNet loses to** SORT, DEEP_SORT (real, D = 0 m); SORT, DEEP_SORT (real, "
-        "D = 2 m).\n"
+        "**PointTrackNet loses to** SORT 0.750, DEEP_SORT 0.750 (ours 0.500; real, D = 0 m); "
+        "SORT 0.750, DEEP_SORT 0.750 (ours 0.500; real, D = 2 m).\n"
+    )
+    exam = _exam(0.5, 0.25)
+    rules = {"kitti3d MOTA@0.5, pointtracknet": 0.3, "kitti3d MOTA@0.5, ab3dmot": 0.4}
+    exam["0.0"] = [{**figures, **rules} for figures in exam["0.0"]]
+    assert summary(_exam(0.5, 0.25), exam).endswith(
+        "AB3DMOT 0.400 (ours 0.300; real, D = 0 m, by KITTI's rules `kitti3d`).\n"
     )
     assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.3))
     assert "No baseline is ahead" in summary(_exam(0.5, 0.2), _exam(0.5, 0.5))
