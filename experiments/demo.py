@@ -32,7 +32,13 @@ from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
 from visualization.animation import MAX_FRAMES
 from visualization.clip import Clip
-from visualization.gallery import draw_network, draw_scene, draw_tracks, pictures
+from visualization.gallery import (
+    draw_network,
+    draw_scene,
+    draw_tracks,
+    pictures,
+    sequence_title,
+)
 from visualization.page import page
 
 PICTURE_CODE = {
@@ -216,10 +222,8 @@ class Demo:
         key = key_of(tracks, **PICTURE_CODE)
         clips = self.clips()
         source = "simulated" if self.simulated else "recorded"
-        titles = [
-            f"{source} sequence {clips[0].name}, objects shifted by up to {d:g} m"
-            for d in self.config.object_shifts
-        ]
+        shifts = self.config.object_shifts
+        titles = [f"{source} {sequence_title(clips[0].name, d)}" for d in shifts]
         most = self.config.animation_frames
         drawn = key_of([key, most])
         self.steps.run("tracks", drawn, files, lambda: draw_tracks(clips, titles, folder, most))
@@ -249,7 +253,7 @@ class Demo:
         iou = self.config.iou
         key = key_of([file.read_bytes() for file in files], iou, **PICTURE_CODE)
         clip = Clip.of_scene(scene, Objects.empty())
-        title = f"sequence {scene.name}, objects shifted by up to {distance:g} m"
+        title = sequence_title(scene.name, distance)
 
         def make():
             draw_scene(clip, trackers, title, path, min_iou=iou)
