@@ -16,7 +16,7 @@ import numpy as np
 
 from common import flags
 from common.config_flags import add_flags, from_flags, option
-from common.errors import InputError
+from common.errors import InputError, printable
 from common.notes import note
 from common.progress import Progress
 from evaluation.run import check_writable
@@ -293,7 +293,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     name = args.scans.resolve().name or DEFAULT_NAME
     files = write_tracks(args.out, name, results, formats)
     print(f"{len(np.unique(results.track_id))} tracks in {len(scans)} scans")
-    pictures = draw(results, tracker, scans, name, args.out, args.animation_frames, seen)
+    title = printable(name)
+    pictures = draw(results, tracker, scans, title, args.out, args.animation_frames, seen)
     for written in (*files, *pictures):
         print(written)
 
