@@ -160,8 +160,12 @@ def _convert_dataclass(cls: type, value: Any, name: str, path: str | Path | None
     fields = dataclasses.fields(cls)
     unknown = sorted(set(value) - {field.name for field in fields})
     missing = [f.name for f in fields if f.name not in value and _has_no_default(f)]
-    if unknown or missing:
-        raise InputError(f"{name}: unknown fields {unknown}, missing fields {missing}", path)
+    where = "" if name == "--" else f"{name}: "
+    if unknown:
+        expected = f"expected among {', '.join(field.name for field in fields)}"
+        raise InputError(f"{where}unknown field {_short(unknown[0])}, {expected}", path)
+    if missing:
+        raise InputError(f"{where}missing fields {', '.join(missing)}", path)
     bounds = {field.name: field.metadata for field in fields}
     dot = "" if name == "--" else "."
     converted = {

@@ -22,6 +22,7 @@ from kitti.seqmap import check_subset, find_seqmap, sequence_name
 from kitti.tables import read_table, text_file
 
 POSE_COLUMNS = 12  # of a row of poses: a (3, 4) matrix
+_SEQS = "--seqs names those that are there"
 
 
 class KittiSequence:
@@ -58,10 +59,9 @@ class KittiSequence:
             hint = _instead(self.data_root, subset)
             raise InputError(f"expected a folder {subset}/ in KITTI's layout{hint}", self.data_root)
         if self.subset == "training" and not self.label_path.exists():
-            other = (self.folder / "label_2").is_dir()
-            hint = (
-                "; label_2/ is the object benchmark's, whose frames do not follow" if other else ""
-            )
+            hint = f"; {_SEQS}"
+            if (self.folder / "label_2").is_dir():
+                hint = "; label_2/ is the object benchmark's, whose frames do not follow"
             raise InputError(f"sequence {self.name} has no label file{hint}", self.label_path)
 
     def __repr__(self) -> str:
@@ -100,7 +100,7 @@ class KittiSequence:
         ]
         if not numbers:
             raise InputError(
-                f"sequence {self.name} has neither seqmap nor scans", self._scan_folder
+                f"sequence {self.name} has neither seqmap nor scans; {_SEQS}", self._scan_folder
             )
         if max(numbers) >= MAX_FRAMES:
             raise InputError(
@@ -136,8 +136,9 @@ class KittiSequence:
 
         Notes a guessed size. Raises InputError where there is none.
         """
+        calib = self.calib
         try:
-            size, source = describe_image_size(self.calib, self._given_size)
+            size, source = describe_image_size(calib, self._given_size)
         except InputError as error:
             raise InputError(str(error), self.calib_path) from error
         if source == GUESSED:
