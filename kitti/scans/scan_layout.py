@@ -202,6 +202,8 @@ def _hint(data: bytes) -> str:
         return "; --scan_columns and --scan_dtype of track.py read other layouts"
     *_, dtype, columns = min(found)
     reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
+    if columns.startswith("x,y,"):
+        reads += f" (where y is ahead: {columns.replace('x,y,', '-y,x,', 1)})"
     return f"; it looks like {dtype} {columns}: {reads}"
 
 

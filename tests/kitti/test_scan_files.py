@@ -73,6 +73,8 @@ def test_another_layout_is_named_and_then_read(tmp_path, numbers, columns, dtype
         path.write_bytes(numbers[:count].tobytes())
         reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
         hint = f"it looks like {dtype} {columns}: {reads}"
+        if columns.startswith("x,y,"):
+            hint += f" (where y is ahead: -y,x,{columns[4:]})"
         with pytest.raises(InputError, match=re.escape(hint)):
             read_points(path)
         points, dropped = read_points(path, ScanLayout(tuple(columns.split(",")), dtype))
