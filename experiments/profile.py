@@ -4,7 +4,8 @@
 
 Each block runs alone on its inputs in the network; medians of --repeats. The table also has the
 floor (the block's floating-point operations at the rate of a large float32 matrix product measured
-in the same process) and the bytes that its linear layers move. Writes profile.md and profile.json.
+in the same process) and the bytes that its linear layers move; for a training step the floor is
+that of three forward passes. Writes profile.md and profile.json.
 """
 
 import tempfile
@@ -170,6 +171,37 @@ def profile_training(detector, scans: list[np.ndarray], batch: int, repeats: int
     }
 
 
+def profile_steps(networks, sequence, batch: int, repeats: int) -> dict[str, Timed]:
+    """A whole step of both trainings, per frame and per pair: losses and update included.
+
+    The tracker's is two passes of the frozen detector, and its own layers in both directions.
+    """
+    from experiments.timing.costs import detector_costs, total, tracker_costs
+    from experiments.timing.training_step import training_steps
+    from training.config import DetectorTrainingConfig, ScheduleConfig, TrackerTrainingConfig
+    from training.detector_task import DetectorTask
+    from training.tracker_task import TrackerTask
+
+    detector, tracker, _ = networks
+    schedule = ScheduleConfig(batch_size=batch)
+    training = DetectorTrainingConfig(detector=detector.config, schedule=schedule)
+    tracking = TrackerTrainingConfig(tracker=tracker.config, schedule=schedule)
+    one = total(detector_costs(detector.config))
+    own = total(tracker_costs(detector.config, tracker.config))
+    steps = {
+        "detector, a frame": (DetectorTask(training, [sequence], []), one.times(3)),
+        "tracker, a pair": (
+            TrackerTask(tracking, detector, [sequence], []),
+            one.times(2).plus(own.times(6)),
+        ),
+    }
+    found = {}
+    for name, (task, cost) in steps.items():
+        again, _ = training_steps(task, 1)
+        found[name] = Timed(median_seconds(again, repeats) / batch, *cost)
+    return found
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Measures, prints, writes."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
@@ -191,6 +223,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         fresh = Detector(networks[0].config)
         title = f"detector's training step, per frame of {flags.batch}"
         parts[title] = profile_training(fresh, scans, flags.batch, flags.repeats)
+        title = f"a whole training step of {flags.batch}"
+        parts[title] = profile_steps(networks, sequence, flags.batch, flags.repeats)
     text = f"Float32 matrix product: {rate / 1e9:.0f} GFLOP/s.\n"
     for title, blocks in parts.items():
         rows = [timed.row(name, rate) for name, timed in blocks.items()]

@@ -26,8 +26,8 @@ from common.flags import ArgumentParser, positive_int, run
 from common.markdown import cell, markdown
 from common.progress import Progress
 from common.provenance import ROOT
-from experiments.pipeline_rates import TIMES, pipeline_rates
 from experiments.runs import write
+from experiments.timing.pipeline_rates import TIMES, pipeline_rates
 from kitti.scans.point_arrays import sample_points
 from kitti.sequence import KittiSequence
 from tf_ops.bench.timing import in_turns, seconds_when_warm
@@ -126,28 +126,19 @@ def detector_times(config, scans: list[np.ndarray], repeats: int) -> dict[str, f
 
 def training_times(config, sequence: KittiSequence, repeats: int) -> dict[str, float]:
     """Seconds a frame of training in batches of 4, with the input pipeline and without it."""
+    from experiments.timing.training_step import training_steps
     from training.config import DetectorTrainingConfig, ScheduleConfig
     from training.detector_task import DetectorTask
-    from training.loop import compile_train_step, training_data
-    from training.strategies import make_strategy
-    from training.training_run import start
 
     schedule = ScheduleConfig(batch_size=4)
     training = DetectorTrainingConfig(detector=config, schedule=schedule)
     task = DetectorTask(training, [sequence] * TIMES, [])
-    with tempfile.TemporaryDirectory() as folder:
-        run = start(lambda: task, make_strategy("one"), folder, {})
-    batches, step = iter(training_data(run, 0, 2 * repeats + 4)), compile_train_step(run)
-    same = next(batches)
-
-    def wait(terms):
-        return float(terms["loss"])
-
-    alone = median_seconds(lambda: wait(step(same, True)), repeats)
-    piped = median_seconds(lambda: wait(step(next(batches), True)), repeats)
+    again, piped = training_steps(task, repeats + 4)
     return {
-        "step of training, one batch again": alone / schedule.batch_size,
-        "step of training, input pipeline included": piped / schedule.batch_size,
+        "step of training, one batch again": median_seconds(again, repeats) / schedule.batch_size,
+        "step of training, input pipeline included": (
+            median_seconds(piped, repeats) / schedule.batch_size
+        ),
     }
 
 

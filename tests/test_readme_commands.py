@@ -94,6 +94,7 @@ RUNS: dict[str, Here | str] = {  # a part that one command has and no other; of 
     '"index": 0': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
     '"index": 1': Here(TRAINING, (*TWO_STEPS, *DETECTOR)),
     "experiments.table2": "tests/experiments/test_table2.py::test_table_2_of_small_networks",
+    "experiments.profile": "tests/experiments/test_profile.py::test_profile_of_small_networks",
     "experiments.table3": f"{ABLATION}::test_tables_share_a_row_and_resume",
     "experiments.table4": f"{ABLATION}::test_tables_share_a_row_and_resume",
     "experiments.evaluate_networks --data_root KITTI": Here(KITTI),

@@ -20,4 +20,9 @@ def test_profile_of_small_networks(tmp_path, capsys):
     assert all(block["seconds"] > 0 for block in stream.values())
     training = parts["detector's training step, per frame of 1"]
     assert training["FP4"]["flops"] == pytest.approx(3 * stream["FP4"]["flops"])
+    steps = parts["a whole training step of 1"]
+    assert steps["detector, a frame"]["flops"] == pytest.approx(
+        sum(block["flops"] for block in training.values())
+    )
+    assert steps["tracker, a pair"]["seconds"] > 0
     assert "| association " in capsys.readouterr().out

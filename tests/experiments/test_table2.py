@@ -7,7 +7,8 @@ import pytest
 from helpers.small_weights import write_weights
 
 from common import flags
-from experiments import pipeline_rates, table2
+from experiments import table2
+from experiments.timing import pipeline_rates
 
 
 def test_cores_are_doubled_and_all_threads_limited():
