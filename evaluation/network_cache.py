@@ -76,7 +76,7 @@ class CachedPredictions:
         digest = hashlib.blake2b(self._code_and_weights, digest_size=8)
         shift = None if scene.shift is None else sorted(asdict(scene.shift).items())
         digest.update(repr((FORMAT, shift)).encode())
-        digest.update(_digest_of_data(scene))
+        digest.update(digest_of_data(scene))
         return self.folder / f"{scene.name}-{digest.hexdigest()}.npz"
 
     def fill(self, scene: Scene, each_frame: Callable[[], None] = lambda: None) -> bool:
@@ -210,7 +210,7 @@ def _digest_of_file(path: Path) -> bytes:
     return hashlib.blake2b(path.read_bytes(), digest_size=16).digest()
 
 
-def _digest_of_data(scene: Scene) -> bytes:
+def digest_of_data(scene: Scene) -> bytes:
     """Digest (16 bytes) of labels, calibration, scans and the image that crops them."""
     sequence = scene.sequence
     digest = hashlib.blake2b(repr((scene.frames, sequence.image_size)).encode(), digest_size=16)

@@ -68,12 +68,14 @@ def stages_of(recipe: dict[str, Any], values: dict[str, str]) -> list[Stage]:
     for root in usable(recipe["validation"]):
         data += ["--val_data_root", fill(root["root"])]
         data += ["--val_seqs", fill(root.get("seqs", "all"))]
-    calibration = " ".join(fill(part["flags"]) for part in usable(recipe["calibration"]))
-    values = {**values, "data": shlex.join(data), "calibration": calibration}
+    parts = {"data": shlex.join(data)}
+    quoted = {name: shlex.quote(value) for name, value in values.items()}
+    flags = (part["flags"].format_map(quoted) for part in usable(recipe["calibration"]))
+    parts["calibration"] = " ".join(flags)
     return [
         Stage(
             stage["name"],
-            tuple(shlex.split(fill(stage["command"]))),
+            tuple(shlex.split(stage["command"].format_map(quoted | parts))),
             Path(fill(stage["resumes"])) if "resumes" in stage else None,
         )
         for stage in usable(recipe["stages"])

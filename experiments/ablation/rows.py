@@ -29,7 +29,7 @@ from common.provenance import ROOT, git_commit
 from common.steps import key_of
 from evaluation.config import GROUND_TRUTH, NETWORK, EvaluateConfig
 from evaluation.detections import DetectionProvider, LabelBoxesWithPredictedMotion
-from evaluation.network_cache import _digest_of_data, code_digest
+from evaluation.network_cache import code_digest, digest_of_data
 from evaluation.run import check_writable, evaluate
 from evaluation.scene import Scene
 from experiments.ablation.table import draw, text_of
@@ -166,7 +166,7 @@ def check_settings(
     settings = {
         "config": shared,
         "data": data.record(),
-        "scans": key_of([_digest_of_data(Scene(sequence)) for sequence in sequences]),
+        "scans": key_of([digest_of_data(Scene(sequence)) for sequence in sequences]),
         "weights_sha256": weights_sha256(args.weights, (DETECTOR, SCORER)),
         "code": key_of(code_digest(), modules=MODULES, files=FILES),
     }

@@ -32,6 +32,14 @@ def test_the_commands_of_other_programs_parse():
         simulator_parser().parse_args(stage.command[2:])
 
 
+def test_paths_with_spaces_are_one_word_each():
+    spaced = {**ALL, "work": "my work", "labels": "my kitti", "scans": "my scans"}
+    words = [word for stage in stages_of(RECIPE_VALUES, spaced) for word in stage.command]
+    plain = [word for stage in stages_of(RECIPE_VALUES, ALL) for word in stage.command]
+    assert len(words) == len(plain)
+    assert {"my kitti", "my scans", "my work/data/own"} <= set(words)
+
+
 def command(stages: list[Stage], program: str) -> list[str]:
     return next(list(s.command[1:]) for s in stages if s.command[0] == program)
 
