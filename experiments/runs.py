@@ -7,7 +7,6 @@ import sys
 from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, TypeVar
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 from common import flags
 from common.errors import InputError
 from common.files import write_json, write_text
+from common.processes import SPAWN, end_with_parent
 from common.progress import Progress
 from common.provenance import provenance
 from evaluation.config import GROUND_TRUTH, EvaluateConfig, parse_names, parse_seqs
@@ -28,8 +28,6 @@ Key = TypeVar("Key", bound=Hashable)
 
 WORKERS = 2
 NICE = 5
-SPAWN = get_context("spawn")
-"""Workers are spawned: a process forked beside TensorFlow's threads may deadlock."""
 TRACKER_NAMES = {
     "pointtracknet": "PointTrackNet",
     "pointtracknet_no_probation": "PointTrackNet, no probation",
@@ -182,7 +180,7 @@ def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, An
     runs = list(dict.fromkeys(runs))
     different = {(run.seqs, run.shift): run for run in runs if run.config.needs_network}
     if different:
-        with ProcessPoolExecutor(1, SPAWN) as pool:
+        with ProcessPoolExecutor(1, SPAWN, initializer=end_with_parent) as pool:
             pool.submit(fill_caches, list(different.values())).result()
     figures = {}
     with (
@@ -198,6 +196,7 @@ def measure_all(runs: Iterable[Run], description: str) -> dict[Run, dict[str, An
 
 def _quietly() -> None:
     """Sets up a worker: no progress display, low priority."""
+    end_with_parent()
     os.nice(NICE)
     sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for the life of the process
 

@@ -7,7 +7,6 @@ traffic of a sequence is laid out for its number of frames.
 
 import contextlib
 import json
-import multiprocessing
 import os
 import signal
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from functools import lru_cache
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
+from common.processes import SPAWN, end_with_parent
 from kitti.labels import write_labels
 from kitti.scans.scan_files import write_scan
 from kitti.seqmap import sequence_name
@@ -42,10 +42,9 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
                 _work(plan, root, seq, frames[first : first + 10])
                 yield
         return
-    context = multiprocessing.get_context("spawn")
-    stop = context.Event()
+    stop = SPAWN.Event()
     with ProcessPoolExecutor(
-        processes, mp_context=context, initializer=_begin, initargs=(stop,)
+        processes, mp_context=SPAWN, initializer=_begin, initargs=(stop,)
     ) as pool:
         with _one_thread_each():
             waiting = {pool.submit(_work, plan, root, seq, frames) for seq, frames in jobs}
@@ -84,6 +83,7 @@ def _begin(stop: Event) -> None:
     global _stop  # noqa: PLW0603 - set once, at the start of each worker
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it and sets `stop`
+    end_with_parent()
 
 
 def _work(plan: Plan, root: Path, seq: int, frames: list[int]) -> None:

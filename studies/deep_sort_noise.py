@@ -15,6 +15,7 @@ from typing import Any
 
 from common import flags
 from common.markdown import markdown
+from common.processes import SPAWN, end_with_parent
 from common.progress import progress
 from evaluation.config import EvaluateConfig
 from evaluation.detections import LabelBoxes
@@ -22,7 +23,6 @@ from evaluation.tracking_loop import track_scene
 from experiments.paper import TABLE5
 from experiments.record import measured_with
 from experiments.runs import (
-    SPAWN,
     WORKERS,
     add_shift_flags,
     common_fields,
@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for seed in range(args.seeds if distance else 1)
     ]
     details = measured_with(trial.config(fields) for trial in trials)
-    with ProcessPoolExecutor(WORKERS, SPAWN) as pool:
+    with ProcessPoolExecutor(WORKERS, SPAWN, initializer=end_with_parent) as pool:
         found = pool.map(measure, trials, [fields] * len(trials))
         motas = list(progress(found, len(trials), "DEEP_SORT's noise", "trials"))
     by_row: dict[tuple[float, float], list[float | None]] = {}

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -46,6 +47,26 @@ def test_two_workers(tiny_data):
     try:
         for index, position in ((0, 0), (1, 5), (2, 3)):
             assert_same(workers(index, position), samples(index, position))
+    finally:
+        workers.close()
+
+
+def process(index, position):
+    time.sleep(0.5)  # so that the other call starts the other worker
+    return os.getpid()
+
+
+@pytest.mark.slow
+def test_workers_outlive_the_threads_that_started_them():
+    """Those of tf.data end with a data set."""
+    workers = SampleWorkers(process, 2)
+    try:
+        with ThreadPoolExecutor(2) as threads:
+            first = set(threads.map(workers, (0, 1), (0, 1)))
+        time.sleep(0.5)
+        with ThreadPoolExecutor(2) as threads:
+            again = set(threads.map(workers, (0, 1), (0, 1)))
+        assert again == first and len(first) == 2
     finally:
         workers.close()
 

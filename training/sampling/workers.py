@@ -1,15 +1,13 @@
 """Worker processes that make samples, for accelerators that are faster than one Python process."""
 
-import ctypes
-import multiprocessing
-import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
+from common.processes import SPAWN, end_with_parent
+
 _samples: Callable[[int, int], Any] | None = None  # in each worker
-_PR_SET_PDEATHSIG = 1  # Linux: the signal that a process gets when its parent dies
 
 
 class SampleWorkers:
@@ -20,12 +18,7 @@ class SampleWorkers:
     """
 
     def __init__(self, samples: Callable[[int, int], Any], processes: int):
-        self._pool = ProcessPoolExecutor(
-            processes,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin,
-            initargs=(samples, os.getpid()),
-        )
+        self._pool = ProcessPoolExecutor(processes, SPAWN, _begin, (samples,))
 
     def __call__(self, index: int, position: int) -> Any:
         """The sample; may be called by several threads at once."""
@@ -36,13 +29,11 @@ class SampleWorkers:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _begin(samples: Callable[[int, int], Any], parent: int) -> None:
+def _begin(samples: Callable[[int, int], Any]) -> None:
     global _samples  # noqa: PLW0603 - set once, at the start of each worker
     _samples = samples
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it and ends the workers
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before prctl
-        os._exit(1)
+    end_with_parent()
 
 
 def _make(index: int, position: int) -> Any:
