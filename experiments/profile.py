@@ -114,9 +114,11 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     """The blocks of one new frame of a stream, batch of 1, batch normalisation folded."""
     import tensorflow as tf
 
+    from evaluation.detections import NetworkStream
     from experiments.timing.costs import detector_costs, tracker_costs
     from models.detector import detector_inputs
-    from models.inference import StreamingNetwork
+    from models.inference import StreamingNetwork, detector_pass
+    from tracking import make_tracker, track_frame
 
     detector, tracker, _ = networks
     n = detector.config.num_points
@@ -136,6 +138,10 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
     costs = detector_costs(detector.config)
     for name, (call, arguments, _) in detector_blocks(detector, xyz, False).items():
         found[name] = Timed(seconds_of(call, arguments, repeats), *costs[name])
+    least = network.decoding.min_probability
+    proposals, probability, _ = detector_pass(detector, least, tracker.fused_features)(xyz)
+    outputs = proposals, probability.numpy(), xyz[0].numpy()
+    found["decoding"] = Timed(median_seconds(lambda: network.boxes(*outputs), repeats))
     inputs = detector_inputs(xyz, detector.config)
     frame = tracker.fused_features(inputs, detector(inputs))
     states = [network.detect(scan, t) for t, scan in enumerate(scans)]
@@ -148,6 +154,10 @@ def profile_stream(networks, paths: list[Path], sequence, repeats: int) -> dict[
         ("refinement", tracker.refine, (previous, association)),
     ):
         found[name] = Timed(seconds_of(call, arguments, repeats), *costs[name])
+    stream, matcher = NetworkStream(network), make_tracker("pointtracknet")
+    *_, detections = (stream.follow(state, t) for t, state in enumerate(states))
+    matching = median_seconds(lambda: track_frame(matcher, detections), repeats)
+    found["matching, Algorithm 1"] = Timed(matching)
     whole = median_seconds(lambda: network.detect(scans[1], 1), repeats)
     moved = median_seconds(lambda: network.displacement(*states), repeats)
     found["detector as one graph, with decoding"] = Timed(whole)

@@ -16,7 +16,8 @@ def test_profile_of_small_networks(tmp_path, capsys):
     assert flags.run(profile.main, argv) == 0
     parts = json.loads((tmp_path / "profile.json").read_text())["figures"]["parts"]
     stream = parts["streamed frame"]
-    assert {"read the scan", "SA1", "FP4", "encode", "association", "refinement"} <= stream.keys()
+    wanted = {"read the scan", "SA1", "FP4", "decoding", "encode", "association", "refinement"}
+    assert wanted | {"matching, Algorithm 1"} <= stream.keys()
     assert all(block["seconds"] > 0 for block in stream.values())
     training = parts["detector's training step, per frame of 1"]
     assert training["FP4"]["flops"] == pytest.approx(3 * stream["FP4"]["flops"])
