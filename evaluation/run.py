@@ -39,6 +39,7 @@ from kitti.objects import Objects
 from kitti.tables import sequence_file
 from metrics.comparison import track_scores
 from metrics.protocols import Entry, best_threshold, evaluate_protocol, evaluated_types
+from models.weight_files import weights_sha256
 from tracking import make_tracker
 
 TRACKS, METRICS = "tracks", "metrics.json"
@@ -70,7 +71,8 @@ def evaluate(
     results, least = _results(config, scenes, provider)
     metrics = score(config, scenes, results)
     thresholds = {"min_box_score": config.min_box_score, "min_track_score": least}
-    run = provenance(config=to_dict(config), data=_data(config, scenes))
+    networks = {"weights_sha256": weights_sha256(config.weights)} if config.needs_network else {}
+    run = provenance(config=to_dict(config), data=_data(config, scenes), **networks)
     record = {"run": {**run, **thresholds}, **metrics}
     if config.out is not None:
         write_text(config.out / "table.md", full_table(metrics, run["command"], thresholds))

@@ -23,11 +23,11 @@ from evaluation.run import TRACKS, check_writable
 from evaluation.scene import Scene
 from evaluation.side_by_side import SIDE_BY_SIDE, evaluate_cached
 from experiments.paper import TABLE5, TABLE5_COLUMNS
-from experiments.record import data_record, weights_sha256
+from experiments.record import data_record
 from experiments.runs import TRACKER_NAMES
 from kitti.labels import read_results
 from kitti.objects import VEHICLES, Objects
-from models.weight_files import network_files
+from models.weight_files import network_files, weights_sha256
 from simulator.__main__ import OWN_SEQUENCES
 from simulator.__main__ import main as simulate
 from visualization.animation import MAX_FRAMES

@@ -1,6 +1,5 @@
 """What an experiment was measured with, for its record: configurations, data, networks."""
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +9,7 @@ from common.config import parse_json, to_dict
 from common.files import read_bytes
 from evaluation.config import EvaluateConfig
 from kitti.sequence import open_sequences
-from models.boxes.box_score import FILE_NAME as SCORER
-from models.weight_files import DETECTOR, TRACKER
+from models.weight_files import weights_sha256
 from simulator.dataset import MANIFEST
 
 
@@ -57,11 +55,3 @@ def data_record(data_root: str | Path, seqs: Sequence[int]) -> dict[str, Any]:
         "sequences": {s.name: len(s.frames) for s in open_sequences(data_root, seqs)},
         "simulated": {name: found.get(name) for name in ("version", "seed")} if own else None,
     }
-
-
-def weights_sha256(
-    folder: str | Path, names: Iterable[str] = (DETECTOR, TRACKER, SCORER)
-) -> dict[str, str]:
-    """SHA-256 of detector, tracker and scorer, those of them that a folder of weights holds."""
-    paths = [Path(folder) / name for name in names]
-    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in paths if p.is_file()}

@@ -18,14 +18,14 @@ from common.files import write_json, write_text
 from common.flags import ArgumentParser, finite_float, positive_int, run
 from common.markdown import cell, markdown
 from common.provenance import provenance
-from experiments.record import data_record, weights_sha256
+from experiments.record import data_record
 from kitti.boxes import points_in_boxes
 from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
 from models.boxes.box_score import FILE_NAME as SCORER
 from models.boxes.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
-from models.weight_files import DETECTOR
+from models.weight_files import DETECTOR, weights_sha256
 from models.weights import load_detector, network_hash
 from training.scoring.box_candidates import CandidateFinder, Candidates
 

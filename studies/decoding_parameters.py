@@ -20,7 +20,7 @@ from common.flags import non_negative_float, non_negative_int, positive_int, run
 from common.markdown import markdown
 from common.progress import progress
 from evaluation.scene import Scene, open_scenes
-from experiments.record import data_record, weights_sha256
+from experiments.record import data_record
 from experiments.runs import make_parser, write
 from kitti.iou import iou_3d
 from kitti.object_shift import ObjectShift
@@ -31,6 +31,7 @@ from models.config import DecodingConfig
 from models.detector import BoxPredictions, detector_inputs
 from models.inference import sample_scan
 from models.probability_filter import foreground_probability
+from models.weight_files import weights_sha256
 from models.weights import load_detector
 
 TRIALS: dict[str, tuple] = {

@@ -13,8 +13,8 @@ import demo
 from common import flags
 from evaluation.side_by_side import SIDE_BY_SIDE
 from experiments import demo as experiment
-from experiments.record import weights_sha256
 from kitti.objects import Objects
+from models.weight_files import weights_sha256
 from visualization.gallery import pictures
 
 TINY = ("--sequences", "1", "--frames", "5", "--animation_frames", "3")

@@ -1,5 +1,7 @@
 """The library, track.py and evaluate.py give the same tracks for the same scans."""
 
+import json
+
 import numpy as np
 import pytest
 from helpers.small_weights import write_weights
@@ -12,6 +14,7 @@ from kitti.labels import read_results, write_labels
 from kitti.objects import Objects
 from kitti.scans.scan_files import read_scan, write_scan
 from kitti.seqmap import write_seqmap
+from models.weight_files import weights_sha256
 from pointtracknet import Tracker
 
 FRAMES = 4
@@ -40,6 +43,8 @@ def test_library_track_and_evaluate_agree(tmp_path, first):
     assert flags.run(evaluate.main, [str(word) for word in words]) == 0
     rows = (tmp_path / "track" / "0003.txt").read_text()
     assert rows == (tmp_path / "evaluate" / "tracks" / "0003.txt").read_text()
+    run = json.loads((tmp_path / "evaluate" / "metrics.json").read_text())["run"]
+    assert run["weights_sha256"] == weights_sha256(weights) != {}
 
     results = read_results(tmp_path / "track" / "0003.txt", frames.stop)
     assert len(results) >= FRAMES

@@ -34,12 +34,11 @@ from evaluation.run import check_writable, evaluate
 from evaluation.scene import Scene
 from experiments.ablation.table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
-from experiments.record import weights_sha256
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
 from models.boxes.box_score import FILE_NAME as SCORER
 from models.config import TrackerConfig
-from models.weight_files import DETECTOR
+from models.weight_files import DETECTOR, weights_sha256
 from training.config import AugmentationConfig, ScheduleConfig, TrackerTrainingConfig
 from training.sampling.data import TrainingData, add_data_flags, open_data
 

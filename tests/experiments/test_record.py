@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from experiments import evaluate_networks
-from experiments.record import config_records, data_record, measured_with, weights_sha256
+from experiments.record import config_records, data_record, measured_with
 from experiments.runs import Run, details_of
 from models.boxes.box_score import BoxScorer, save_scorer
+from models.weight_files import weights_sha256
 
 
 @pytest.fixture
