@@ -92,7 +92,7 @@ def read_tracks(scene: Scene, folder: Path) -> Objects:
     return scene.sequence.read_results(sequence_file(folder, scene.name))
 
 
-def make_clip(args: argparse.Namespace, distance: float, results: Path | None) -> Clip:
+def make_clip(args: argparse.Namespace, distance: float, results: Path | None = None) -> Clip:
     """The sequence with the tracks of a folder, if there is one."""
     scene = open_scene(args, distance)
     return Clip.of_scene(scene, read_tracks(scene, results) if results else Objects.empty())
@@ -161,7 +161,7 @@ def draw_trajectories(args: argparse.Namespace) -> list[Path]:
 def draw_animation(args: argparse.Namespace) -> list[Path]:
     """Writes a GIF."""
     _check_suffix(args.out, (".gif",))
-    clip = make_clip(args, args.object_shift, *(args.results or [None]))
+    clip = make_clip(args, args.object_shift, *args.results)
     title = sequence_title(clip.name, args.object_shift)
     return [animate(clip, args.out, title, args.animation_frames)]
 
@@ -169,7 +169,7 @@ def draw_animation(args: argparse.Namespace) -> list[Path]:
 def draw_birds_eye(args: argparse.Namespace) -> list[Path]:
     """Draws Fig. 1."""
     _check_suffix(args.out, STILL)
-    clip = make_clip(args, args.object_shift, *(args.results or [None]))
+    clip = make_clip(args, args.object_shift, *args.results)
     frame = clip.busiest_frame() if args.frame is None else args.frame
     if frame not in clip.frames:
         first, last = clip.frames[0], clip.frames[-1]

@@ -13,7 +13,7 @@ from evaluation.detections import DetectionProvider
 from evaluation.network_cache import CachedPredictions
 from evaluation.run import evaluate
 from evaluation.scene import Scene
-from tracking import PREDICTED_MOTION, FrameDetections
+from tracking import PREDICTED_MOTION, WITH_APPEARANCE, FrameDetections
 
 OURS = ("pointtracknet", "pointtracknet_no_probation")
 SIDE_BY_SIDE = (*OURS, "sort", "deep_sort", "deep_sort_published", "ab3dmot")
@@ -60,7 +60,7 @@ def evaluate_cached(
     network = network_seconds(cached, config.open_scenes())
     if tracker not in PREDICTED_MOTION:
         network["displacement"] = 0.0
-    if not tracker.startswith("deep_sort"):
+    if tracker not in WITH_APPEARANCE:
         network["appearance"] = 0.0
     seconds = {**network, "tracker": timed.seconds_per_frame}
     return {**record, "seconds_per_frame": {**seconds, "total": sum(seconds.values())}}

@@ -1,6 +1,6 @@
 """Boxes to trajectories: Algorithm 1 and the baselines SORT, DEEP_SORT, AB3DMOT (no TensorFlow)."""
 
-from tracking.factory import PREDICTED_MOTION, TRACKERS, make_tracker
+from tracking.factory import PREDICTED_MOTION, TRACKERS, WITH_APPEARANCE, make_tracker
 from tracking.frame_detections import FrameDetections
 from tracking.interface import FrameContext, MultiObjectTracker, Tracks, track_frame
 from tracking.label_motion import LabelMotion, assign_label_ids
@@ -8,6 +8,7 @@ from tracking.label_motion import LabelMotion, assign_label_ids
 __all__ = [
     "PREDICTED_MOTION",
     "TRACKERS",
+    "WITH_APPEARANCE",
     "FrameContext",
     "FrameDetections",
     "LabelMotion",

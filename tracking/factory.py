@@ -32,6 +32,8 @@ TRACKERS: dict[str, tuple[Callable[[Any], MultiObjectTracker], Any]] = {
 """Name -> class and its default parameters."""
 PREDICTED_MOTION = ("pointtracknet", "pointtracknet_no_probation", "pointtracknet_published")
 """The trackers that need the networks' displacement."""
+WITH_APPEARANCE = ("deep_sort", "deep_sort_published")
+"""The trackers that use the networks' appearance vectors."""
 
 
 def make_tracker(name: str, **parameters: Any) -> MultiObjectTracker:

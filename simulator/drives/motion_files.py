@@ -33,8 +33,8 @@ def write_oxts(path: str | Path, poses, calib: Calibration, period_s: float) -> 
     """
     level_from_imu = np.eye(4)
     if calib.tr_imu_to_velo is not None:
-        level_from_imu[:3] = calib.level_from_velo[:3, :3] @ calib.tr_imu_to_velo
-        level_from_imu[:3, 3] += calib.level_from_velo[:3, 3]
+        level_from_imu[:3] = calib.tr_imu_to_velo
+        level_from_imu = calib.level_from_velo @ level_from_imu
     poses = np.asarray(poses, np.float64) @ level_from_imu
     place, turn = poses[:, :3, 3], poses[:, :3, :3]
     roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
