@@ -37,7 +37,12 @@ def fused_ops() -> bool:
     """
     if _unfused:
         return False
-    return not has_gpu() or "CPU" in tf.constant(0.0).device
+    return not has_gpu() or "CPU" in default_device()
+
+
+def default_device() -> str:
+    """The device on which TensorFlow places ops made now."""
+    return tf.constant(0.0).device
 
 
 @contextlib.contextmanager

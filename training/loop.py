@@ -7,10 +7,11 @@ import tensorflow as tf
 
 from common.files import write_json
 from common.progress import Progress
+from tf_ops.devices import default_device
 from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
 from training.logs import History, TensorBoard
 from training.run_state import keep_best, prepare_workdir, resume_run, save_checkpoint
-from training.sampling.pipeline import dataset, micro_batches
+from training.sampling.pipeline import dataset, fetch_to, micro_batches
 from training.training_run import TrainingRun
 from training.validation import validate
 
@@ -75,7 +76,7 @@ def _fault(message: str) -> str:
 
 
 def training_data(run: TrainingRun, first: int, last: int):
-    """The batches of steps first to last - 1, distributed where there are several replicas."""
+    """The batches of steps first to last - 1, where the step runs; distributed over replicas."""
     task, order, replicas = run.task, run.order, run.strategy.num_replicas_in_sync
 
     def make(context=None):
@@ -91,7 +92,8 @@ def training_data(run: TrainingRun, first: int, last: int):
         )
 
     if replicas == 1:
-        return make()
+        device = default_device()
+        return make() if "CPU" in device else fetch_to(device, make())
     return run.strategy.distribute_datasets_from_function(make)
 
 

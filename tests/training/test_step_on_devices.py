@@ -12,6 +12,7 @@ from models.detector import Detector
 from tf_ops.devices import has_gpu, without_fused_ops
 from training.config import DetectorTrainingConfig, TrackerTrainingConfig
 from training.detector_task import DetectorTask
+from training.sampling.pipeline import fetch_to
 from training.tracker_task import TrackerTask
 
 
@@ -24,11 +25,17 @@ def task_of(kind: str, sequences):
     )
 
 
-def step(kind, sequences, by_batch: bool):
-    """({term: value}, the gradients as one vector) of the first two samples."""
+def step(kind, sequences, by_batch: bool, device: str = ""):
+    """({term: value}, the gradients as one vector) of the first two samples.
+
+    device: that the batch is fetched to as in training on it.
+    """
     task = task_of(kind, sequences)
     batch = tf.nest.map_structure(lambda *x: tf.stack(x), *(task.samples(i, i) for i in (0, 1)))
     batch = task.prepare(batch)
+    if device:
+        (batch,) = fetch_to(device, tf.data.Dataset.from_tensors(batch))
+        assert all(device in tensor.device for tensor in tf.nest.flatten(batch))
 
     @tf.function(jit_compile=False)
     def both(batch):
@@ -53,7 +60,7 @@ def gpu():
     tf.config.experimental.enable_tensor_float_32_execution(before)
 
 
-PATHS = {"without fused ops": without_fused_ops, "GPU": gpu}
+PATHS = {"without fused ops": (without_fused_ops, "CPU:0"), "GPU": (gpu, "GPU:0")}
 
 
 @pytest.mark.parametrize("by_batch", [True, False])
@@ -63,8 +70,9 @@ def test_a_training_step_agrees(path, kind, by_batch, tiny_data):
     sequences = open_sequences(tiny_data, [0], "training")
     with tf.device("/CPU:0") if has_gpu() else nullcontext():
         terms, gradient = step(kind, sequences, by_batch)
-    with PATHS[path]():
-        others, other_gradient = step(kind, sequences, by_batch)
+    context, device = PATHS[path]
+    with context():
+        others, other_gradient = step(kind, sequences, by_batch, device)
     assert np.linalg.norm(gradient) > 0
     for name, value in terms.items():
         assert others[name] == pytest.approx(value, rel=1e-4, abs=1e-6), name

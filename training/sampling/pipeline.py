@@ -153,3 +153,16 @@ def dataset(
     options = tf.data.Options()
     options.experimental_distribute.auto_shard_policy = tf.data.experimental.AutoShardPolicy.OFF
     return data.prefetch(2).with_options(options)
+
+
+def fetch_to(device: str, batches: tf.data.Dataset) -> tf.data.Dataset:
+    """The batches copied to a device ahead of the step that asks for them.
+
+    int32 becomes int64: TensorFlow keeps int32 arguments of functions on the host.
+    """
+
+    def widen(tensor):
+        return tf.cast(tensor, tf.int64) if tensor.dtype == tf.int32 else tensor
+
+    batches = batches.map(lambda batch: tf.nest.map_structure(widen, batch))
+    return batches.apply(tf.data.experimental.prefetch_to_device(device))
