@@ -1,6 +1,7 @@
 """evaluate.py called as from the command line."""
 
 import pytest
+from helpers import tiny_kitti
 
 import evaluate
 from common import flags
@@ -22,3 +23,9 @@ def fails(capsys):
         return error
 
     return call
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A data set that a test may change."""
+    return tiny_kitti.make(tmp_path / "kitti")

@@ -14,3 +14,13 @@ DONT_CARE = "{frame} -1 DontCare -1 -1 -10 5 6 7 8 -1000 -1000 -1000 -10 -1 -1 -
 def dont_care_row(frame: int) -> str:
     """One DontCare row, as KITTI's tracking labels have it."""
     return DONT_CARE.format(frame=frame)
+
+
+DETECTION = "{frame},2,100.0,120.0,200.0,180.0,{score},1.5,1.6,4.0,2.0,1.7,20.0,0.3,-1.5"
+"""A row of detections, in the layout of one file for each sequence."""
+
+
+def write_rows(path, rows):
+    """Writes the rows; returns the path."""
+    path.write_text("".join(row + "\n" for row in rows))
+    return path

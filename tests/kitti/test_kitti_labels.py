@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from helpers.kitti_rows import dont_care_row, label_row
+from helpers.kitti_rows import DETECTION, dont_care_row, label_row, write_rows
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -19,17 +19,10 @@ from kitti.labels import (
 )
 from kitti.objects import VEHICLES, Objects
 
-DETECTION = "{frame},2,100.0,120.0,200.0,180.0,{score},1.5,1.6,4.0,2.0,1.7,20.0,0.3,-1.5"
-
-
-def _write(path, rows):
-    path.write_text("".join(row + "\n" for row in rows))
-    return path
-
 
 def test_reads_all_columns(tmp_path):
     rows = [dont_care_row(0), label_row(0, 3), label_row(2, 3, "Van", z=30.0)]
-    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    objects = read_labels(write_rows(tmp_path / "l.txt", rows))
     assert objects.frame.tolist() == [0, 0, 2]
     assert objects.track_id.tolist() == [-1, 3, 3]
     assert objects.type.tolist() == ["DontCare", "Car", "Van"]
@@ -45,7 +38,7 @@ def test_reads_all_columns(tmp_path):
 
 def test_rows_are_sorted_by_frame_stably(tmp_path):
     rows = [label_row(5, 1), label_row(0, 2), label_row(5, 0), label_row(0, 1)]
-    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    objects = read_labels(write_rows(tmp_path / "l.txt", rows))
     assert objects.frame.tolist() == [0, 0, 5, 5]
     assert objects.track_id.tolist() == [2, 1, 1, 0]
 
@@ -58,7 +51,7 @@ def test_blank_lines_and_other_line_ends_are_no_matter(tmp_path):
 
 def test_chosen_rows(tmp_path):
     rows = [dont_care_row(0), label_row(0, 3), label_row(2, 3, "Van"), label_row(2, 4, "Tram")]
-    objects = read_labels(_write(tmp_path / "l.txt", rows))
+    objects = read_labels(write_rows(tmp_path / "l.txt", rows))
     assert objects.of_classes(VEHICLES).type.tolist() == ["Car", "Van"]
     assert objects.at(2).track_id.tolist() == [3, 4]
     assert len(objects.at(1)) == len(objects.at(99)) == 0
@@ -214,7 +207,7 @@ BAD_ROWS = [
 
 @pytest.mark.parametrize(("bad", "message"), BAD_ROWS)
 def test_bad_row_is_named(tmp_path, bad, message):
-    path = _write(tmp_path / "l.txt", [label_row(0, 1), dont_care_row(0), bad, label_row(9, 1)])
+    path = write_rows(tmp_path / "l.txt", [label_row(0, 1), dont_care_row(0), bad, label_row(9, 1)])
     with pytest.raises(InputError, match=message) as error:
         read_labels(path)
     assert str(error.value).startswith(f"{path}:3: ")
@@ -222,21 +215,23 @@ def test_bad_row_is_named(tmp_path, bad, message):
 
 @pytest.mark.parametrize("identity", [2**32, 2**53 + 1, 2**63 - 1])
 def test_large_ids_are_read_exactly(tmp_path, identity):
-    objects = read_labels(_write(tmp_path / "l.txt", [_changed(2, str(identity)), label_row(8, 1)]))
+    objects = read_labels(
+        write_rows(tmp_path / "l.txt", [_changed(2, str(identity)), label_row(8, 1)])
+    )
     assert objects.track_id.tolist() == [identity, 1]
 
 
 def test_classes_are_read_in_any_case(tmp_path):
     rows = [_changed(3, name) for name in ("car", "PERSON_SITTING", "dontcare")]
     rows[1] = rows[1].replace("7 1", "8 1", 1)
-    found = read_labels(_write(tmp_path / "l.txt", rows))
+    found = read_labels(write_rows(tmp_path / "l.txt", rows))
     assert found.type.tolist() == ["Car", "DontCare", "Person_sitting"]
 
 
 def test_ids_of_dont_care_regions_are_no_matter(tmp_path):
     numbered = dont_care_row(0).replace("0 -1", "0 3", 1)
     rows = [numbered, numbered, label_row(0, 3), label_row(1, 3)]
-    assert read_labels(_write(tmp_path / "l.txt", rows)).track_id.tolist() == [-1, -1, 3, 3]
+    assert read_labels(write_rows(tmp_path / "l.txt", rows)).track_id.tolist() == [-1, -1, 3, 3]
 
 
 def test_headings_in_degrees_are_refused_in_every_layout(tmp_path):
@@ -250,7 +245,7 @@ def test_headings_in_degrees_are_refused_in_every_layout(tmp_path):
     (tmp_path / "0002").mkdir()
     for name, row in files.items():
         for heading in (-6.5, 90.0):
-            _write(tmp_path / f"{name}.txt", [row.format(heading)])
+            write_rows(tmp_path / f"{name}.txt", [row.format(heading)])
             refused = pytest.raises(InputError, match="expected a heading in radians")
             with contextlib.nullcontext() if heading < 0 else refused:
                 assert len(read_detection_folder(tmp_path, name[:4], 1)) == 1
@@ -259,10 +254,10 @@ def test_headings_in_degrees_are_refused_in_every_layout(tmp_path):
 def test_sizes_in_another_order_are_noted(tmp_path, capsys):
     """l w h instead of h w l."""
     good = [label_row(0, 1), label_row(0, 2, "Pedestrian").replace("1.6 4.0", "1.6 0.6")]
-    read_labels(_write(tmp_path / "a.txt", good))
+    read_labels(write_rows(tmp_path / "a.txt", good))
     assert capsys.readouterr().err == ""
     read_labels(
-        _write(tmp_path / "b.txt", [good[0].replace("1.5 1.6 4.0", "4.0 1.6 1.5"), good[1]])
+        write_rows(tmp_path / "b.txt", [good[0].replace("1.5 1.6 4.0", "4.0 1.6 1.5"), good[1]])
     )
     expected = "b.txt: vehicles are higher than long; columns 11-13: expected sizes h w l"
     assert expected in capsys.readouterr().err
@@ -270,14 +265,14 @@ def test_sizes_in_another_order_are_noted(tmp_path, capsys):
 
 def test_an_id_may_be_there_once_per_class(tmp_path):
     rows = [label_row(0, 7), _changed(3, "Van").replace("7 1", "0 7", 1), label_row(1, 7)]
-    found = read_results(_write(tmp_path / "r.txt", rows))
+    found = read_results(write_rows(tmp_path / "r.txt", rows))
     car, van, car_later = found.track_id.tolist()
     assert car == car_later != van
 
 
 def test_an_id_of_two_classes_in_turn_is_one_track_whatever_other_ids_do(tmp_path):
     rows = [label_row(0, 7), label_row(0, 7, "Van"), label_row(0, 5), label_row(1, 5, "Van")]
-    ids = read_results(_write(tmp_path / "r.txt", rows)).track_id.tolist()
+    ids = read_results(write_rows(tmp_path / "r.txt", rows)).track_id.tolist()
     assert ids[2] == ids[3] and len(set(ids)) == 3
 
 
@@ -294,17 +289,17 @@ def test_line_ends_of_other_systems(tmp_path):
 def test_result_rows_are_checked_alike(tmp_path):
     rows = [label_row(0, 1) + " 0.9", label_row(0, 1) + " 0.8"]
     with pytest.raises(InputError, match=r":2: frame 0 has track id 1 twice"):
-        read_results(_write(tmp_path / "r.txt", rows))
+        read_results(write_rows(tmp_path / "r.txt", rows))
     with pytest.raises(InputError, match=r":2: expected 18 columns, found 17"):
-        read_results(_write(tmp_path / "r.txt", [rows[0], label_row(1, 1)]))
+        read_results(write_rows(tmp_path / "r.txt", [rows[0], label_row(1, 1)]))
     with pytest.raises(InputError, match=r":1: expected 17 or 18 columns, found 2"):
-        read_results(_write(tmp_path / "r.txt", ["0 1"]))
+        read_results(write_rows(tmp_path / "r.txt", ["0 1"]))
     with pytest.raises(InputError, match=r":1: column 18: expected a finite number"):
-        read_results(_write(tmp_path / "r.txt", [label_row(0, 1) + " nan"]))
+        read_results(write_rows(tmp_path / "r.txt", [label_row(0, 1) + " nan"]))
 
 
 def test_frame_beyond_the_sequence(tmp_path):
-    path = _write(tmp_path / "l.txt", [label_row(3, 0), label_row(4, 0)])
+    path = write_rows(tmp_path / "l.txt", [label_row(3, 0), label_row(4, 0)])
     assert len(read_labels(path, 5)) == 2
     with pytest.raises(InputError, match=r":2: .*frame beyond the sequence, expected 0 to 3"):
         read_labels(path, 4)
@@ -335,12 +330,12 @@ def test_not_a_text_file(tmp_path, read):
 
 def test_results_without_scores_or_3d_boxes(tmp_path):
     flat = "0 1 Car -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10"
-    objects = read_results(_write(tmp_path / "r.txt", [flat]))
+    objects = read_results(write_rows(tmp_path / "r.txt", [flat]))
     assert np.isnan(objects.boxes).all()
     assert np.isnan(objects.score).all()
     for sizes in ("-1 -1 -2", "-2 -2 -2", "0 1.6 4"):
         with pytest.raises(InputError, match="sizes h w l above 0"):
-            read_results(_write(tmp_path / "r.txt", [flat.replace("-1 -1 -1 -", f"{sizes} -")]))
+            read_results(write_rows(tmp_path / "r.txt", [flat.replace("-1 -1 -1 -", f"{sizes} -")]))
 
 
 def test_writers_refuse_unreadable_values(tmp_path):
@@ -362,41 +357,6 @@ def test_results_of_boxes_outside_the_image(tmp_path):
     assert words[17] == "0.500000"
 
 
-def test_detections(tmp_path):
-    rows = [DETECTION.format(frame=3, score=-1.5), DETECTION.format(frame=0, score=7)]
-    rows += [rows[0].replace(",2,100", f",{number},100") for number in (3, 1)]
-    found = read_detections(_write(tmp_path / "d.txt", rows))
-    assert found.frame.tolist() == [0, 3, 3, 3]
-    assert found.type.tolist() == ["Car", "Car", "Cyclist", "Pedestrian"]
-    assert found.track_id.tolist() == [-1, -1, -1, -1]
-    assert found.score.tolist() == [7, -1.5, -1.5, -1.5]
-    assert found.alpha[0] == -1.5
-    np.testing.assert_allclose(
-        found.boxes[0], [20, -2, -1.7 + 0.75, 4.0, 1.6, 1.5, -0.3 - np.pi / 2]
-    )
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("1.5,1.6,4.0", "1.5,1e-300,4.0"), "columns 8-10: expected sizes h w l of at least"),
-        (("1.5,1.6,4.0", "5e6,1.6,4.0"), "columns 8-10: expected sizes h w l of at most 1000 m"),
-        ((",20.0,", ",1e308,"), "expected numbers of magnitude"),
-        ((",2,100", ",4,100"), r"column 2: expected one of the types 1 \(Pedestrian\) 2 \(Car\)"),
-        (("1.5,1.6,4.0", "1.5,1.6,0"), "columns 8-10: expected sizes"),
-        ((",-1.5", ""), "expected 15 columns, found 14"),
-        ((",0.3,", ",nan,"), "column 14: expected a finite number"),
-        (("8,2", "-8,2"), "column 1: expected a frame number >= 0"),
-        (("8,2", "50,2"), "column 1: frame beyond the sequence, expected 0 to 9"),
-        ((",", " "), "expected 15 columns, found 1"),
-    ],
-)
-def test_bad_detections(tmp_path, change, message):
-    rows = [DETECTION.format(frame=0, score=1), DETECTION.format(frame=8, score=1).replace(*change)]
-    with pytest.raises(InputError, match=rf"d\.txt:2: {message}"):
-        read_detections(_write(tmp_path / "d.txt", rows), 10)
-
-
 @pytest.mark.real
 def test_all_real_labels_come_back_to_1e_4(kitti_root, tmp_path):
     vehicles = 0
@@ -410,12 +370,3 @@ def test_all_real_labels_come_back_to_1e_4(kitti_root, tmp_path):
         a, b = (np.array([r[:2] + r[3:] for r in rows], float) for rows in (before, after))
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-4)
     assert vehicles == 30601
-
-
-@pytest.mark.real
-def test_all_real_detections_are_read(kitti_root):
-    paths = sorted((kitti_root / "detections" / "pointrcnn_Car").glob("*.txt"))
-    found = [read_detections(path) for path in paths]
-    lines = sum(len(path.read_text().splitlines()) for path in paths)
-    assert sum(map(len, found)) == lines
-    assert all(np.isfinite(part.boxes).all() for part in found)
