@@ -205,10 +205,14 @@ def _write(folder: Path, scenes: list[Scene], tracked: Mapping[str, Objects]) ->
 
 
 def _remove_others(out: Path, kept: Collection[str]) -> None:
-    """Removes the result files that an earlier run's metrics.json names, but for those `kept`."""
+    """Removes the result files that an earlier run's metrics.json names, but for those `kept`.
+
+    And its submission.zip, which holds them.
+    """
     record, names = out / METRICS, []
     with contextlib.suppress(InputError, LookupError, TypeError):
         names = parse_json(read_bytes(record), record)["run"]["data"]["sequences"]
+        (out / SUBMISSION).unlink(missing_ok=True)
     for name in names if isinstance(names, list) else []:
         if isinstance(name, str) and _NAME.fullmatch(name) and name not in kept:
             (out / TRACKS / f"{name}.txt").unlink(missing_ok=True)

@@ -125,8 +125,10 @@ def test_tracks_of_another_run_do_not_stay(tiny_root, tmp_path):
     (tmp_path / "tracks").mkdir()
     (tmp_path / "tracks" / "0007.txt").write_text("theirs")
     run(tiny_root, tmp_path)
+    (tmp_path / "submission.zip").touch()  # of a run on the testing subset
     arguments = ["--data_root", str(tiny_root), "--seqs", "0001", "--out", str(tmp_path)]
     evaluate.main(arguments)
+    assert not (tmp_path / "submission.zip").exists()
     assert {path.name for path in (tmp_path / "tracks").iterdir()} == {"0001.txt", "0007.txt"}
 
 
