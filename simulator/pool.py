@@ -11,6 +11,7 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from functools import lru_cache
 from multiprocessing.synchronize import Event
@@ -35,6 +36,9 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
     """Runs the jobs; yields at intervals for a progress display.
 
     After an interruption each worker finishes its current frame and stops.
+
+    Raises:
+        ChildProcessError: a worker process was killed; what it had finished is on disk.
     """
     if processes == 1:
         for seq, frames in jobs:
@@ -42,6 +46,14 @@ def run_jobs(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterato
                 _work(plan, root, seq, frames[first : first + 10])
                 yield
         return
+    try:
+        yield from _in_processes(plan, root, jobs, processes)
+    except BrokenProcessPool as error:
+        remedy = "(out of memory?); the same command goes on"
+        raise ChildProcessError(f"a worker process was killed {remedy}") from error
+
+
+def _in_processes(plan: Plan, root: Path, jobs: list[Job], processes: int) -> Iterator[None]:
     stop = SPAWN.Event()
     with ProcessPoolExecutor(
         processes, mp_context=SPAWN, initializer=_begin, initargs=(stop,)
