@@ -58,7 +58,9 @@ def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
     path = root / MANIFEST
     if not root.exists():
         return {}
-    if root.is_dir() and all(temporary_of(each) == MANIFEST for each in root.iterdir()):
+    if not root.is_dir():
+        raise InputError("expected a folder, found a file", root)
+    if all(temporary_of(each) == MANIFEST for each in root.iterdir()):
         return {}
     if not path.is_file():
         raise InputError(f"is not empty and has no {MANIFEST}; choose another folder", root)

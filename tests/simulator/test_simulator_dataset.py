@@ -285,6 +285,14 @@ def test_flags_that_are_wrong(flags, tmp_path, capsys):
     assert flags[0] in capsys.readouterr().err
 
 
+def test_a_file_is_no_folder(tmp_path, capsys):
+    out = tmp_path / "data"
+    out.write_text("dear")
+    assert run(main, own(out)) == 2
+    assert f"error: {out}: expected a folder, found a file\n" == capsys.readouterr().err
+    assert out.read_text() == "dear"
+
+
 def test_folders_of_others_are_left_alone(again, made, tmp_path, capsys):
     assert run(main, replayed(again, made, "--seed", "9")) == 2
     assert "another data set" in capsys.readouterr().err
