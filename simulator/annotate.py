@@ -73,7 +73,8 @@ def label_frame(
     share = np.asarray(seen) / np.maximum(rays, 1)
     cared = (np.hypot(boxes[:, 0], boxes[:, 1]) < RULES.farthest) & (share > RULES.hidden)
     cared &= (tall >= RULES.smallest) & noticed
-    # an object that no ray meets is not labelled
+    # An object hidden from every ray that would meet it is not labelled; one between the rays is
+    # DontCare.
     noticed &= (np.asarray(seen) > 0) | (np.asarray(rays) == 0)
     ignored = np.flatnonzero(noticed & ~cared)
     order = np.concatenate([ignored, np.flatnonzero(cared)])
