@@ -17,6 +17,7 @@ from simulator.pool import run_jobs
 
 MANIFEST = "manifest.json"
 OWN_NAMES = rf"{re.escape(MANIFEST)}|{re.escape(SEQMAP)}\.training|\d{{4}}\.txt|\d{{6}}\.(bin|txt)"
+SHOWN = 4  # most names of differences in a message
 STRETCH = 200  # most frames of a job; each process builds the worlds of its jobs
 
 
@@ -67,12 +68,32 @@ def _state(root: Path, manifest: dict[str, Any]) -> dict[str, Any]:
     found = parse_json(path.read_bytes(), path)
     if not isinstance(found, dict):
         raise InputError("expected a JSON object", path)
-    other = [key for key in manifest if found.get(key) != manifest[key]]
+    other = _differences(found, manifest)
     if other:
+        shown = ", ".join([*other[:SHOWN], *["..."] * (len(other) > SHOWN)])
         raise InputError(
-            f"holds another data set (differs in {', '.join(other)}); choose another folder", path
+            f"holds another data set (differs in {shown}); choose another folder", path
         )
     return found
+
+
+def _differences(found: dict[str, Any], manifest: dict[str, Any]) -> list[str]:
+    """Names of what identifies a data set and differs; of a replay's source, the files.
+
+    The path of the source is a record alone: the digests of its files identify it.
+    """
+    names = [key for key in manifest if key != "spec" and found.get(key) != manifest[key]]
+    before, now = _settings(found.get("spec")), _settings(manifest["spec"])
+    return names + [key for key in {**now, **before} if before.get(key) != now.get(key)]
+
+
+def _settings(spec: Any) -> dict[str, Any]:
+    """The settings of a plan by name, files of the source by theirs, such as poses/0016."""
+    if not isinstance(spec, dict):
+        return {}
+    files = spec.get("files")
+    rest = {key: value for key, value in spec.items() if key not in ("from_labels", "files")}
+    return {**rest, **(files if isinstance(files, dict) else {})}
 
 
 def _remove_leftovers(root: Path) -> None:

@@ -47,7 +47,10 @@ class Plan:
         return self.driver != "labels" or f"poses/{sequence_name(seq)}" in self.spec["files"]
 
     def manifest(self) -> dict[str, Any]:
-        """Identity of the data set: the same manifest gives the same bytes."""
+        """Identity of the data set: the same manifest gives the same bytes.
+
+        The path in the spec of a replay is a record; the digests beside it identify the source.
+        """
         return {
             "format": "KITTI tracking, simulated",
             "version": VERSION,

@@ -177,9 +177,28 @@ def test_a_replay_of_a_changed_source_is_another_data_set(file, tmp_path, kitti_
     path.write_text(text[:-1] + ("2" if text[-1] == "1" else "1") + "\n")
     capsys.readouterr()
     assert run(main, flags) == 2
-    assert "another data set (differs in spec)" in capsys.readouterr().err
+    name = f"{file.removeprefix('training/')}/0016"
+    assert f"another data set (differs in {name});" in capsys.readouterr().err
     path.unlink()
     assert run(main, flags) == 2
+
+
+def test_a_finished_replay_is_recognised_under_another_path_of_its_source(
+    again, made, monkeypatch, capsys
+):
+    before = (again / "manifest.json").read_bytes()
+    monkeypatch.chdir(made.parent)
+    assert run(main, replayed(again, Path(made.name))) == 0
+    assert "already there" in capsys.readouterr().out
+    assert (again / "manifest.json").read_bytes() == before
+    assert json.loads(before)["spec"]["from_labels"] == str(made)
+    assert run(main, replayed(again, Path(made.name), "--frames", "1")) == 2
+    assert "(differs in frames)" in capsys.readouterr().err
+
+
+def test_a_message_names_few_of_many_differences(made, again, capsys):
+    assert run(main, replayed(made, made)) == 2
+    assert "(differs in driver, seed, label_02/0016, calib/0016, ...)" in capsys.readouterr().err
 
 
 def test_files_of_killed_runs_are_removed(again, made, tmp_path):
