@@ -26,6 +26,7 @@ from experiments.paper import TABLE5, TABLE5_COLUMNS
 from experiments.record import data_record
 from experiments.runs import TRACKER_NAMES
 from kitti.labels import read_results
+from kitti.object_shift import MAX_DISTANCE
 from kitti.objects import VEHICLES, Objects
 from models.weight_files import network_files, weights_sha256
 from simulator.__main__ import OWN_SEQUENCES
@@ -75,6 +76,7 @@ class DemoConfig:
         flags.non_negative_floats,
         ("object_shifts", "displacements"),
         least=0,
+        most=MAX_DISTANCE,
     )
     iou: float = option(EvaluateConfig.iou, "least 3-D IoU of a match", flags.finite_float)
     score_threshold: float | None = option(
@@ -97,6 +99,8 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     check_writable(config.out)
     demo = Demo(config)
     network_files(config.weights)  # raises where one is missing
+    for distance in config.object_shifts:
+        demo.evaluation(distance)  # raises where a setting is out of range
     demo.make_data()
     demo.fill_cache()
     demo.count_points()

@@ -146,6 +146,23 @@ def test_missing_weights_end_with_one_line_and_code_2(tmp_path, capsys, monkeypa
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
+        (("--iou", "0"), "--iou: expected above 0 and at most 1, found 0"),
+        (("--object_shifts", "0,2000"), "--object_shifts[1]: expected 0 to 1000.0, found 2000"),
+    ],
+)
+def test_settings_are_checked_before_the_simulation(tmp_path, capsys, monkeypatch, argv, message):
+    monkeypatch.setattr(experiment, "simulate", lambda argv: pytest.fail("too late"))
+    for name in ("detector.npz", "tracker.npz"):
+        (tmp_path / name).write_bytes(b"")
+    assert _run(tmp_path / "out", tmp_path, *argv) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and message in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
         (("--displacements", "2,0"), "expected 0 and then others"),
         (("--data_root", "x"), "--data_root and --seqs go together"),
         (("--data_root", "x", "--seqs", "0000"), "--sequences and --frames are for simulated data"),
