@@ -190,6 +190,7 @@ def _unique_ids(
         )
     if not same.any():
         return track_id
+    note(f"{table.path}: a track id belongs to two classes in a frame; all ids are renumbered")
     kind = np.where(np.isin(track_id, track_id[first[same]]), kind, "")
     pairs = np.array(list(zip(kind.tolist(), track_id.tolist(), strict=True)), "<U16,i8")
     numbers = track_id.copy()

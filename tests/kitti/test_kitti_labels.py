@@ -263,11 +263,15 @@ def test_sizes_in_another_order_are_noted(tmp_path, capsys):
     assert expected in capsys.readouterr().err
 
 
-def test_an_id_may_be_there_once_per_class(tmp_path):
+def test_an_id_may_be_there_once_per_class(tmp_path, capsys):
     rows = [label_row(0, 7), _changed(3, "Van").replace("7 1", "0 7", 1), label_row(1, 7)]
     found = read_results(write_rows(tmp_path / "r.txt", rows))
     car, van, car_later = found.track_id.tolist()
     assert car == car_later != van
+    assert capsys.readouterr().err == (
+        f"note: {tmp_path / 'r.txt'}: a track id belongs to two classes in a frame; "
+        "all ids are renumbered\n"
+    )
 
 
 def test_an_id_of_two_classes_in_turn_is_one_track_whatever_other_ids_do(tmp_path):
