@@ -21,6 +21,16 @@ _MISSING = ": run `make` in the project's root, and use .venv/bin/python"
 INTERRUPTED = 130  # the shell's code for a process ended by SIGINT
 
 
+class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Names a flag's default, unless there is none, the help names it, or it is a switch."""
+
+    def _get_help_string(self, action):
+        none = action.default in (None, []) or action.nargs == 0
+        if none or "default" in (action.help or ""):
+            return action.help
+        return super()._get_help_string(action)
+
+
 class ArgumentParser(argparse.ArgumentParser):
     """argparse with one-line errors, exact flag names and defaults in the help.
 
@@ -29,7 +39,7 @@ class ArgumentParser(argparse.ArgumentParser):
     """
 
     def __init__(self, **kwargs):
-        kwargs.setdefault("formatter_class", argparse.ArgumentDefaultsHelpFormatter)
+        kwargs.setdefault("formatter_class", _HelpFormatter)
         super().__init__(allow_abbrev=False, **kwargs)
         self._negative_number_matcher = re.compile("-[^-]")  # argparse's own lacks exponents
 

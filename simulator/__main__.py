@@ -1,4 +1,10 @@
-"""Command line: `python -m simulator --out DIR ...`; see --help and this folder's README."""
+"""Simulates LiDAR scans and labels in KITTI's tracking format: own traffic, or labels replayed.
+
+    python -m simulator --out DIR --split val --sequences 1 --frames 100
+    python -m simulator --out DIR --from_labels KITTI --seqs 0016-0020
+
+An interrupted run is completed by the same command. See this folder's README.
+"""
 
 import argparse
 import hashlib
@@ -11,11 +17,13 @@ from common.flags import ArgumentParser, finite_float, non_negative_int, positiv
 from kitti.labels import MAX_FRAMES
 from kitti.seqmap import parse_sequences
 from kitti.sequence import KittiSequence, open_sequences
+from simulator.config import VehicleMix
 from simulator.dataset import make_dataset
 from simulator.plan import Plan
 from simulator.sensor_model.frames import Options
 
 OWN_SEQUENCES = {"train": range(16), "val": range(16, 21)}  # as in KITTI's split
+OWN_FRAMES = 200  # of each sequence, unless --frames is given
 
 
 def van_share(text: str) -> float:
@@ -28,15 +36,21 @@ def van_share(text: str) -> float:
 
 def parser() -> ArgumentParser:
     """The flags."""
-    result = ArgumentParser(prog="python -m simulator", description=__doc__)
+    result = ArgumentParser(prog="python -m simulator", description=__doc__.split("\n")[0])
     add = result.add_argument
     add("--out", type=Path, required=True, help="output folder; reused if complete")
-    add("--split", choices=["train", "val"], help="own traffic: split")
-    add("--sequences", type=positive_int, help="own traffic: number of sequences")
-    add("--frames", type=positive_int, help="frames per sequence")
-    add("--van_share", type=van_share, help="own traffic: share of vans, see VehicleMix")
-    add("--from_labels", type=Path, help="KITTI folder with labels to replay")
-    add("--seqs", help="sequences to replay, e.g. 0016-0020 or 0000,0003")
+    text = "own traffic: numbers of the sequences (default: train)"
+    add("--split", choices=["train", "val"], help=text)
+    counts = " and ".join(f"{len(numbers)} of {name}" for name, numbers in OWN_SEQUENCES.items())
+    text = f"own traffic: how many (default: all, {counts})"
+    add("--sequences", type=positive_int, help=text)
+    text = f"of each sequence, at most (default: own traffic {OWN_FRAMES}, replays all)"
+    add("--frames", type=positive_int, help=text)
+    mix = VehicleMix()
+    shares = f"default: {mix.moving_vans:g} of those that move, {mix.parked_vans:g} of the parked"
+    add("--van_share", type=van_share, help=f"own traffic: vans among vehicles ({shares})")
+    add("--from_labels", type=Path, help="KITTI folder with labels to replay, needs --seqs")
+    add("--seqs", help="sequences to replay, such as 0016-0020 or 0000,0003")
     add("--seed", type=non_negative_int, default=0, help="random seed")
     add("--full", action="store_true", help="360 degrees, not the camera's view")
     add("--motion_distortion", action="store_true", help="keep motion during a sweep in the scans")
@@ -102,7 +116,7 @@ def _own_plan(flags, options: Options) -> Plan:
         )
     if (flags.frames or 0) > MAX_FRAMES:
         raise InputError(f"--frames: expected at most {MAX_FRAMES}, found {flags.frames}")
-    frames = dict.fromkeys(numbers[:count], flags.frames or 200)
+    frames = dict.fromkeys(numbers[:count], flags.frames or OWN_FRAMES)
     spec = {"split": split}
     if flags.van_share is not None:
         spec["van_share"] = flags.van_share

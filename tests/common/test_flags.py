@@ -101,6 +101,20 @@ def test_the_flag_that_is_meant_is_named(capsys, word, meant):
     assert f"unrecognized arguments: {word} 5{meant} (see --help)\n" in capsys.readouterr().err
 
 
+def test_help_names_defaults_that_there_are(capsys):
+    parser = flags.ArgumentParser(prog="tool")
+    parser.add_argument("--needed", required=True, help="N.")
+    parser.add_argument("--some", nargs="+", default=[], help="S.")
+    parser.add_argument("--switch", action="store_true", help="W.")
+    parser.add_argument("--own", type=int, help="O (default: 200)")
+    parser.add_argument("--seed", type=int, default=7, help="of chance")
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--help"])
+    text = capsys.readouterr().out
+    assert text.count("default") == 2
+    assert "O (default: 200)\n" in text and "of chance (default: 7)\n" in text
+
+
 def test_a_word_behind_a_dash_is_no_flag(capsys):
     with pytest.raises(SystemExit):
         flags.ArgumentParser(prog="tool").parse_args(["-seqs"])
