@@ -11,10 +11,13 @@ CHECKPOINTS = "checkpoints"
 
 
 class CheckpointFolder:
-    """step-00000123.npz for the last `keep` checkpoints, and best.npz."""
+    """step-00000123.npz for the last `keep` epochs, and best.npz.
 
-    def __init__(self, folder: str | Path, keep: int):
-        self.folder, self.keep = Path(folder), keep
+    A checkpoint within an epoch (of `steps_per_epoch`) stays until the next one is there.
+    """
+
+    def __init__(self, folder: str | Path, keep: int = 1, steps_per_epoch: int = 1):
+        self.folder, self.keep, self.steps_per_epoch = Path(folder), keep, steps_per_epoch
         self.best_path = self.folder / "best.npz"
 
     def steps(self) -> list[int]:
@@ -27,7 +30,9 @@ class CheckpointFolder:
         return self.folder / f"step-{step:08d}.npz"
 
     def save(self, step: int, meta: dict[str, Any], **groups: checkpoint.Variables) -> None:
-        """Writes the checkpoint of a step, then removes those older than the last `keep`."""
+        """Writes the checkpoint of a step, then removes those that are not kept."""
         checkpoint.save(self.path(step), {**meta, "step": step}, **groups)
-        for old in self.steps()[: -self.keep]:
+        steps = self.steps()
+        epochs = [s for s in steps if s % self.steps_per_epoch == 0]
+        for old in set(steps[:-1]).difference(epochs[-self.keep :]):
             self.path(old).unlink(missing_ok=True)

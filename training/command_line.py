@@ -93,13 +93,13 @@ def train(flags, make_task, config, picture=None) -> int:
     check_objects(data, run.task.samples.classes)
     replicas = strategy.num_replicas_in_sync
     check_memory(config.schedule.batch_size // replicas, run.task.samples.num_points)
-    if flags.init and not CheckpointFolder(workdir / CHECKPOINTS, 1).steps():
+    if flags.init and not CheckpointFolder(workdir / CHECKPOINTS).steps():
         with strategy.scope():
             start_from(flags.init, run)
     try:
         run_training(run, flags.resume)
     except KeyboardInterrupt:
-        steps = CheckpointFolder(workdir / CHECKPOINTS, 1).steps()
+        steps = CheckpointFolder(workdir / CHECKPOINTS).steps()
         note(f"--resume goes on from step {steps[-1] if steps else 0}")
         raise
     except TrainingDivergedError as error:

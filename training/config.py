@@ -81,7 +81,9 @@ class ScheduleConfig:
     )
     clip_norm: float = note(10.0, "largest global norm of the gradients; our choice", MIN_STEP, 1e6)
     checkpoint_minutes: float = note(5.0, "time between checkpoints within an epoch")
-    keep_checkpoints: int = note(3, "number of last checkpoints that are kept besides the best", 1)
+    keep_checkpoints: int = note(
+        3, "checkpoints of the last epochs that are kept besides the best", 1
+    )
     validation_frames: int = note(
         64, "samples of each data root in the validation after an epoch; 0: all"
     )

@@ -12,35 +12,59 @@ from pathlib import Path
 from typing import Any
 
 import keras
+import numpy as np
 
 from common.errors import InputError
 from common.files import write_bytes, write_json, write_text
-from common.flags import ArgumentParser, run
+from common.flags import ArgumentParser, positive_int, run
 from models import checkpoint
 from models.weights import load_detector, load_tracker
 from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
 
 
-def export(path: Path, network: keras.Model, out: Path) -> dict[str, Any]:
-    """Writes out.npz, out.json and the history from the checkpoint at `path`; returns its meta."""
-    meta, _ = checkpoint.load(path)
+def mean_network(paths: Sequence[Path], network: keras.Model) -> dict[str, Any]:
+    """Gives the network, that of the last checkpoint, the mean weights of all; returns the meta.
+
+    This is stochastic weight averaging (Izmailov et al. 2018). The moving averages of batch
+    normalisation are averaged too, which is exact where the training has frozen them.
+
+    Raises:
+        InputError: a checkpoint is broken, or of another network.
+    """
+    metas, arrays = zip(*map(checkpoint.load, paths), strict=True)
+    meta = metas[-1]
     meta.pop("format")
+    if len(paths) > 1:
+        weights = checkpoint.named_variables(network)
+        parts = []
+        for path, part in zip(paths, arrays, strict=True):
+            part = {name: array for name, array in part.items() if name.startswith("model/")}
+            checkpoint.restore(path, part, model=weights)  # checks them
+            parts.append(part)
+        mean = {name: np.mean([part[name] for part in parts], axis=0) for name in parts[-1]}
+        checkpoint.restore(paths[-1], mean, model=weights)
+        meta |= {"metrics": {}, "mean_of_steps": [part["step"] for part in metas]}
+    return meta
+
+
+def export(meta: dict[str, Any], network: keras.Model, history: Path, out: Path) -> None:
+    """Writes out.npz, out.json, and the history of the training where it is there."""
     checkpoint.save(out.with_suffix(".npz"), meta, model=checkpoint.named_variables(network))
     write_json(out.with_suffix(".json"), meta)
-    history = path.parent.parent / "history.csv"
     if history.is_file():
         write_bytes(out.with_name(f"{out.name}_history.csv"), history.read_bytes())
-    return meta
 
 
 def describe(meta: dict[str, Any]) -> str:
     """A Markdown table of a network's training record and last metrics."""
     schedule, record = meta["config"]["schedule"], meta["record"]
+    means = meta.get("mean_of_steps", [])
     rows = {
         "command": f"`{record['command']}`",
         "made": f"{record['time_utc']}, commit {record['git_commit']}",
         "parameters": record["parameters"],
         "steps": meta["step"],
+        **({"mean of the weights after steps": ", ".join(map(str, means))} if means else {}),
         "batch": schedule["batch_size"],
         "samples seen": meta["step"] * schedule["batch_size"],
         "learning rate": f"{schedule['learning_rate_min']} to {schedule['learning_rate_max']}",
@@ -68,19 +92,30 @@ def _ranges(sequences: Sequence[str]) -> str:
     )
 
 
-def checkpoint_of(path: Path) -> Path:
-    """The last checkpoint of a training's workdir, or `path` itself where it is a file.
+def checkpoints_of(path: Path, epochs: int) -> list[Path]:
+    """The checkpoints of the last epochs of a training's workdir, or `path` where it is a file.
+
+    The last one within an epoch stands for the last epoch of a training that was stopped.
 
     Raises:
-        InputError: a folder without checkpoints.
+        InputError: a folder without checkpoints, or with those of fewer epochs.
     """
     if not path.is_dir():
-        return path
-    folder = CheckpointFolder(path / CHECKPOINTS, 1)
+        return [path]
+    folder = CheckpointFolder(path / CHECKPOINTS)
     steps = folder.steps()
     if not steps:
         raise InputError("expected a training's workdir with checkpoints", path)
-    return folder.path(steps[-1])
+    paths = [folder.path(step) for step in steps]
+    earlier = [p for p in paths[:-1] if checkpoint.load(p)[0].get("metrics")]
+    chosen = [*earlier, paths[-1]][-epochs:]
+    if len(chosen) < epochs:
+        raise InputError(
+            f"--mean_of_epochs: expected checkpoints of at least {epochs} epochs "
+            f"(--schedule.keep_checkpoints), found {len(chosen)}",
+            path,
+        )
+    return chosen
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -90,15 +125,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     text = "a checkpoint, or a training's workdir (its last checkpoint)"
     add("--detector", type=Path, required=True, metavar="PATH", help=text)
     add("--tracker", type=Path, metavar="PATH", help=text)
+    text = "of a workdir: the mean of the weights after this many last epochs"
+    add("--mean_of_epochs", type=positive_int, default=1, metavar="N", help=text)
     add("--out", type=Path, default=Path("weights"), metavar="DIR")
     flags = parser.parse_args(argv)
-    path = checkpoint_of(flags.detector)
-    detector = load_detector(path)
-    networks = {"detector": (path, detector)}
+    paths = checkpoints_of(flags.detector, flags.mean_of_epochs)
+    detector = load_detector(paths[-1])
+    networks = {"detector": (mean_network(paths, detector), detector, paths[-1])}
     if flags.tracker is not None:
-        path = checkpoint_of(flags.tracker)
-        networks["tracker"] = (path, load_tracker(path, detector))
-    metas = [export(path, network, flags.out / name) for name, (path, network) in networks.items()]
+        paths = checkpoints_of(flags.tracker, flags.mean_of_epochs)
+        tracker = load_tracker(paths[-1], detector)
+        networks["tracker"] = (mean_network(paths, tracker), tracker, paths[-1])
+    for name, (meta, network, path) in networks.items():
+        export(meta, network, path.parent.parent / "history.csv", flags.out / name)
+    metas = [meta for meta, _, _ in networks.values()]
     write_text(flags.out / "training.md", "\n".join(map(describe, metas)))
     print(f"written to {flags.out}")
 

@@ -35,16 +35,16 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
     workdir, schedule = run.workdir, run.task.schedule
     if run.chief:
         prepare_workdir(workdir, resume)
-    folder = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints)
+    per_epoch = run.order.steps_per_epoch
+    folder = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints, per_epoch)
     step = resume_run(run, folder) if resume else 0
     if run.chief and step == 0:  # resumed before its first checkpoint: perhaps with other flags
         write_json(workdir / "config.json", run.started)
     history = History(workdir / "history.csv", step)
-    if step >= schedule.epochs * run.order.steps_per_epoch:
+    if step >= schedule.epochs * per_epoch:
         print("nothing left to train: all epochs are done", flush=True)
         return history.rows[-1] if history.rows else {}
     board = TensorBoard(workdir / "tensorboard") if run.chief else None
-    per_epoch = run.order.steps_per_epoch
     batches = iter(training_data(run, step, schedule.epochs * per_epoch))
     train_step = compile_train_step(run)
     metrics: dict[str, float] = history.rows[-1] if history.rows else {}

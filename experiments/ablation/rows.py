@@ -260,7 +260,7 @@ def train_row(
         run_training(run, resume)
     finally:
         run.close()
-    checkpoints = CheckpointFolder(workdir / CHECKPOINTS, schedule.keep_checkpoints)
+    checkpoints = CheckpointFolder(workdir / CHECKPOINTS)
     return checkpoints.path(checkpoints.steps()[-1])
 
 

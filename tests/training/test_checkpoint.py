@@ -103,12 +103,16 @@ def test_values_beyond_the_variables_type_are_refused(tmp_path):
         checkpoint.restore(path, arrays, model=variables())
 
 
-def test_the_last_few_are_kept(tmp_path):
-    folder = CheckpointFolder(tmp_path, keep=2)
-    for step in (5, 10, 15):
+def test_the_last_few_epochs_are_kept(tmp_path):
+    """Of ten steps each; a checkpoint within an epoch stays until the next one is there."""
+    folder = CheckpointFolder(tmp_path, keep=2, steps_per_epoch=10)
+    kept = []
+    for step in (5, 10, 20, 24, 27, 30, 35):
         folder.save(step, META, model=variables())
-    assert folder.steps() == [10, 15]
-    assert checkpoint.load(folder.path(15))[0]["step"] == 15
+        kept.append(folder.steps())
+    assert kept[:4] == [[5], [10], [10, 20], [10, 20, 24]]
+    assert kept[4:] == [[10, 20, 27], [20, 30], [20, 30, 35]]
+    assert checkpoint.load(folder.path(30))[0]["step"] == 30
 
 
 def test_a_failed_save_leaves_the_old_file(tmp_path):
