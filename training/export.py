@@ -129,6 +129,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     add("--mean_of_epochs", type=positive_int, default=1, metavar="N", help=text)
     add("--out", type=Path, default=Path("weights"), metavar="DIR")
     flags = parser.parse_args(argv)
+    given = [path for path in (flags.detector, flags.tracker) if path is not None]
+    if flags.mean_of_epochs > 1 and not any(path.is_dir() for path in given):
+        raise InputError("--mean_of_epochs: expected a training's workdir", given[-1])
     paths = checkpoints_of(flags.detector, flags.mean_of_epochs)
     detector = load_detector(paths[-1])
     networks = {"detector": (mean_network(paths, detector), detector, paths[-1])}
