@@ -1,0 +1,91 @@
+"""The build of the ops: the errors that it reports."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tensorflow as tf
+
+import tf_ops
+
+ROOT = Path(tf_ops.__file__).resolve().parent.parent
+OF_MAKE = ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES")  # of a `make` that runs the tests
+
+
+def make(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    """Runs `make` in a folder as from a shell."""
+    environment = {name: value for name, value in os.environ.items() if name not in OF_MAKE}
+    return subprocess.run(
+        ["make", "--no-print-directory", "-C", str(folder), *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def build(tmp_path: Path, *arguments: str) -> str:
+    """The one line of a failing `make` in a copy of the build's files."""
+    folder = tmp_path / "tf_ops"
+    folder.mkdir(exist_ok=True)
+    for name in ("Makefile", "tf_flags.py"):
+        (folder / name).write_bytes((ROOT / "tf_ops" / name).read_bytes())
+    result = make(folder, *arguments)
+    assert result.returncode != 0
+    lines = (result.stdout + result.stderr).strip().splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_build_without_a_compiler_gives_one_line(tmp_path):
+    line = build(tmp_path, f"PYTHON={sys.executable}", "CXX=no-such-compiler")
+    assert '"no-such-compiler" was not found' in line
+    assert "make ops CXX=clang++" in line
+
+
+def test_build_without_python_gives_one_line_even_after_another_build(tmp_path):
+    flags = tmp_path / "tf_ops" / "build" / "flags.mk"
+    flags.parent.mkdir(parents=True)
+    flags.write_text("TF_CFLAGS := -I/somewhere\n")
+    line = build(tmp_path, "PYTHON=/no/such python")
+    assert 'no Python: "/no/such python" was not found' in line and "make PYTHON=" in line
+
+
+@pytest.mark.parametrize(
+    "raised", ["TypeError('Descriptors cannot be created')", "ImportError('x')"]
+)
+def test_build_with_a_broken_tensorflow_gives_one_line(tmp_path, monkeypatch, raised):
+    (tmp_path / "tensorflow").mkdir()
+    (tmp_path / "tensorflow" / "__init__.py").write_text(f"raise {raised}\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    line = build(tmp_path, f"PYTHON={sys.executable}")
+    assert f"TensorFlow cannot be used ({raised.split(chr(39))[1]}): run `make venv`" in line
+
+
+def _tf_flags():
+    spec = importlib.util.spec_from_file_location("tf_flags", ROOT / "tf_ops" / "tf_flags.py")
+    tf_flags = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tf_flags)
+    return tf_flags
+
+
+def test_flags_of_a_tensorflow_in_a_folder_with_a_space(tmp_path, monkeypatch):
+    tf_flags = _tf_flags()
+    monkeypatch.setattr(
+        tf.sysconfig, "get_compile_flags", lambda: ["-I/my folder/include", "-DA=1"]
+    )
+    monkeypatch.setattr(tf.sysconfig, "get_link_flags", lambda: ["-L/my folder", "-l:lib.so.2"])
+    lines = tf_flags.fragment("here").splitlines()
+    assert lines[1] == "TF_CFLAGS := -isystem '/my folder/include' -DA=1"
+    assert lines[2] == "TF_LFLAGS := '-L/my folder' -l:lib.so.2"
+
+
+def test_build_without_tensorflow_gives_one_line(tmp_path):
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -E "$@"\n')
+    python.chmod(0o755)
+    line = build(tmp_path, f"PYTHON={python}")
+    assert "TensorFlow is not installed" in line and "run `make venv`" in line
