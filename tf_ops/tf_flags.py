@@ -37,10 +37,10 @@ def fragment(found: str) -> str:
     ]
     record = json.dumps({"tensorflow": tf.__version__, "git": tf.version.GIT_VERSION})
     return (
-        f"# {found}\n"
         f"TF_CFLAGS := {' '.join(flags)}\n"
         f"TF_LFLAGS := {shlex.join(tf.sysconfig.get_link_flags())}\n"
         f"TF_RECORD := {record}\n"
+        f"# {found}\n"  # last: a file that was cut short is made again
     )
 
 
@@ -50,14 +50,16 @@ def main(path: Path) -> str | None:
     mend = "run `make venv` in the project's root"
     if found is None:
         return f"TensorFlow is not installed for {sys.executable}: {mend}"
-    if path.is_file() and path.read_text().splitlines()[:1] == [f"# {found}"]:
+    if path.is_file() and path.read_text().splitlines()[-1:] == [f"# {found}"]:
         return None
     try:
         text = fragment(found)
     except Exception as error:  # of TensorFlow's own libraries, which raise many types
         return f"TensorFlow cannot be used ({' '.join(str(error).split())}): {mend}"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.new")
+    temporary.write_text(text)
+    os.replace(temporary, path)
     return None
 
 

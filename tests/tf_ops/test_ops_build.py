@@ -1,4 +1,4 @@
-"""The build of the ops: the errors that it reports."""
+"""The build of the ops: its errors, what it makes again, and what it leaves when it fails."""
 
 import importlib.util
 import os
@@ -79,8 +79,8 @@ def test_flags_of_a_tensorflow_in_a_folder_with_a_space(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(tf.sysconfig, "get_link_flags", lambda: ["-L/my folder", "-l:lib.so.2"])
     lines = tf_flags.fragment("here").splitlines()
-    assert lines[1] == "TF_CFLAGS := -isystem '/my folder/include' -DA=1"
-    assert lines[2] == "TF_LFLAGS := '-L/my folder' -l:lib.so.2"
+    assert lines[0] == "TF_CFLAGS := -isystem '/my folder/include' -DA=1"
+    assert lines[1] == "TF_LFLAGS := '-L/my folder' -l:lib.so.2"
 
 
 def test_build_without_tensorflow_gives_one_line(tmp_path):
@@ -89,3 +89,17 @@ def test_build_without_tensorflow_gives_one_line(tmp_path):
     python.chmod(0o755)
     line = build(tmp_path, f"PYTHON={python}")
     assert "TensorFlow is not installed" in line and "run `make venv`" in line
+
+
+def test_a_truncated_file_of_flags_is_made_again(tmp_path, monkeypatch):
+    tf_flags = _tf_flags()
+    path = tmp_path / "build" / "flags.mk"
+    assert tf_flags.main(path) is None
+    whole = path.read_text()
+    for size in range(0, len(whole) - 1, 40):
+        path.write_text(whole[:size])
+        assert tf_flags.main(path) is None
+        assert path.read_text() == whole
+    assert list(path.parent.iterdir()) == [path]
+    monkeypatch.setattr(tf_flags, "fragment", None)
+    assert tf_flags.main(path) is None  # a whole one is kept
