@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -103,3 +104,88 @@ def test_a_truncated_file_of_flags_is_made_again(tmp_path, monkeypatch):
     assert list(path.parent.iterdir()) == [path]
     monkeypatch.setattr(tf_flags, "fragment", None)
     assert tf_flags.main(path) is None  # a whole one is kept
+
+
+def _source(name: str) -> str:
+    return f'extern "C" __attribute__((visibility("default"))) int {name}() {{ return 1; }}\n'
+
+
+@pytest.fixture(name="small")
+def small_fixture(tmp_path):
+    """The build's files with two small sources, and `run`, which builds them without TensorFlow.
+
+    `run` uses a compiler that fails with a half-written output while the file `broken` exists.
+    """
+    folder = tmp_path / "tf_ops"
+    (folder / "core").mkdir(parents=True)
+    (folder / "build").mkdir()
+    shutil.copy(ROOT / "tf_ops" / "Makefile", folder)
+    (folder / "build" / "flags.mk").write_text("TF_CFLAGS :=\nTF_LFLAGS :=\nTF_RECORD := first\n")
+    for name in ("one", "two"):
+        (folder / "core" / f"{name}.cc").write_text(_source(f"number_{name}"))
+    compiler = folder / "compiler"
+    compiler.write_text(
+        f'#!/bin/sh\ntest -e "{folder}/broken" || exec c++ "$@"\n'
+        'while test "$1" != -o; do shift; done; echo half > "$2"; exit 1\n'
+    )
+    compiler.chmod(0o755)
+    return folder
+
+
+def run(folder: Path, *arguments: str) -> bool:
+    return make(folder, "PYTHON=true", f"CXX={folder / 'compiler'}", *arguments).returncode == 0
+
+
+def test_the_library_follows_its_sources_and_flags(small):
+    library = small / "build" / "libtf_ops.so"
+    assert run(small)
+    assert b"number_one" in library.read_bytes() and b"number_two" in library.read_bytes()
+    assert (small / "build" / "libtf_ops.json").read_text() == "first\n"
+    kept = library.stat().st_mtime_ns, (small / "build/portable/core/one.o").stat().st_mtime_ns
+    (small / "core" / "two.cc").unlink()
+    assert run(small)
+    assert b"number_one" in library.read_bytes() and b"number_two" not in library.read_bytes()
+    assert run(small, "LDFLAGS=-Wl,-soname,renamed.so")
+    assert b"renamed.so" in library.read_bytes()
+    now = library.stat().st_mtime_ns, (small / "build/portable/core/one.o").stat().st_mtime_ns
+    assert now[0] > kept[0] and now[1] == kept[1]  # linked again, not compiled
+
+
+def test_nothing_half_written_is_taken_for_finished(small):
+    broken, library = small / "broken", small / "build" / "libtf_ops.so"
+    broken.touch()
+    assert not run(small)
+    assert not list(small.glob("build/**/*.o"))
+    broken.unlink()
+    assert run(small)
+    whole = library.read_bytes()
+    broken.touch()
+    assert not run(small, "LDFLAGS=-Wl,-soname,renamed.so")
+    assert library.read_bytes() == whole
+    assert (small / "build/portable/libtf_ops.so").read_bytes() == whole
+    broken.unlink()
+    assert run(small, "LDFLAGS=-Wl,-soname,renamed.so")
+    assert b"renamed.so" in library.read_bytes()
+    left = {path.suffix for path in small.glob("build/**/*") if path.is_file()}
+    assert left <= {"", ".mk", ".o", ".d", ".so", ".json"}
+
+
+def test_the_record_is_never_newer_than_the_library(small):
+    """A library that cannot be replaced keeps its record of TensorFlow."""
+    assert run(small)
+    flags = small / "build" / "flags.mk"
+    flags.write_text(flags.read_text().replace("first", "second"))
+    (small / "core" / "two.cc").unlink()
+    (small / "build" / "libtf_ops.so.new").mkdir()
+    assert not run(small)
+    assert (small / "build" / "libtf_ops.json").read_text() == "first\n"
+    shutil.rmtree(small / "build" / "libtf_ops.so.new")
+    assert run(small)
+    assert (small / "build" / "libtf_ops.json").read_text() == "second\n"
+
+
+def test_sanitized_tests_in_a_folder_with_a_space(small, tmp_path):
+    folder = tmp_path / "my folder"
+    small.rename(folder)
+    found = make(folder, "PYTHON=true", "-n", "sanitized-tests").stdout
+    assert f'TF_OPS_LIBRARY="{folder}/build/address,undefined/libtf_ops.so"' in found
