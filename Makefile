@@ -9,7 +9,7 @@ CLANG_FORMAT := $(VENV)/bin/clang-format
 CPP = $(wildcard tf_ops/*/*.cc tf_ops/*/*.h)
 
 .DEFAULT_GOAL := all
-.PHONY: all venv ops bench sanitize weights demo fuzz kill test test-fast lint format clean
+.PHONY: all venv ops clean-ops bench sanitize weights demo fuzz kill test test-fast lint format clean
 
 all: venv ops
 
@@ -28,8 +28,11 @@ $(CUDA): $(STAMP)
 	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.txt 'tensorflow[and-cuda]'
 	@touch $@
 
-ops: $(STAMP)
+ops: $(STAMP) | $(filter clean-ops,$(MAKECMDGOALS))
 	@$(MAKE) --no-print-directory -C tf_ops PYTHON="$(CURDIR)/$(PY)" $(if $(NATIVE),NATIVE=$(NATIVE))
+
+clean-ops:
+	@$(MAKE) --no-print-directory -C tf_ops clean
 
 demo: ops
 	$(PY) demo.py $(DEMO_FLAGS)
@@ -69,7 +72,6 @@ format: $(STAMP)
 	$(PY) -m ruff format .
 	$(CLANG_FORMAT) -i $(CPP)
 
-clean:
-	@$(MAKE) --no-print-directory -C tf_ops clean
+clean: clean-ops
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

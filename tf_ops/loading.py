@@ -1,5 +1,6 @@
 """Loads the compiled ops, once and lazily, after a check of the TensorFlow they were built for."""
 
+import ctypes
 import functools
 import json
 import os
@@ -10,7 +11,9 @@ from types import ModuleType
 import tensorflow as tf
 
 ENVIRONMENT = "TF_OPS_LIBRARY"  # another build of the library, e.g. one with a sanitizer
+INSTRUCTIONS = "TF_OPS_INSTRUCTIONS"  # the instruction set instead of the processor's widest
 DEFAULT = Path(__file__).resolve().parent / "build" / "libtf_ops.so"
+REBUILD = "make clean-ops && make ops"
 _LOCK = threading.Lock()
 
 
@@ -27,7 +30,8 @@ def load_library() -> ModuleType:
     """The module of raw ops. A saved graph that uses them needs this call before it is loaded.
 
     Raises:
-        LibraryError: the library is missing, or was built against another TensorFlow.
+        LibraryError: the library is missing, was built against another TensorFlow, or lacks the
+            instruction set that TF_OPS_INSTRUCTIONS names.
     """
     with _LOCK:
         return _load(library_path())
@@ -39,10 +43,29 @@ def _load(path: Path) -> ModuleType:
         raise LibraryError(f"{path} is missing; run `make ops` in the project's root")
     check_version(path.with_suffix(".json"))
     try:
-        return tf.load_op_library(str(path))
+        library = tf.load_op_library(str(path))
     except (tf.errors.NotFoundError, RuntimeError) as error:
         reason = " ".join(str(error).split())
-        raise LibraryError(f"{path} cannot be loaded; run `make clean ops` ({reason})") from error
+        raise LibraryError(f"{path} cannot be loaded; run `{REBUILD}` ({reason})") from error
+    check_instructions(path)
+    return library
+
+
+def instruction_sets(path: Path) -> list[str]:
+    """Those that this processor and the loaded library at `path` have, the widest first."""
+    function = ctypes.CDLL(str(path)).ptn_instruction_sets
+    function.restype = ctypes.c_char_p
+    return function().decode().split()
+
+
+def check_instructions(path: Path) -> None:
+    """Raises LibraryError unless the named instruction set, if any, is there."""
+    name = os.environ.get(INSTRUCTIONS)
+    if name is not None and name not in (found := instruction_sets(path)):
+        raise LibraryError(
+            f"{INSTRUCTIONS}: expected one of {', '.join(found)} (all that this processor and "
+            f"{path} have), found {name!r}"
+        )
 
 
 def check_version(record: Path) -> None:

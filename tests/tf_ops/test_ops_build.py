@@ -189,3 +189,8 @@ def test_sanitized_tests_in_a_folder_with_a_space(small, tmp_path):
     small.rename(folder)
     found = make(folder, "PYTHON=true", "-n", "sanitized-tests").stdout
     assert f'TF_OPS_LIBRARY="{folder}/build/address,undefined/libtf_ops.so"' in found
+
+
+def test_clean_ops_deletes_the_build_alone():
+    lines = make(ROOT, "-n", "clean-ops").stdout.splitlines()
+    assert [line for line in lines if "rm" in line.split()] == ["rm -rf build"]

@@ -162,6 +162,9 @@ np.savez(sys.argv[1], **found)
 @pytest.mark.parametrize("instructions", ["portable", "avx2"])
 def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
     """Kernels for older processors, run in their own process, give the same results."""
+    tf_ops.load_library()
+    if instructions not in loading.instruction_sets(loading.library_path()):
+        pytest.skip(f"no {instructions}")
     folders = ROOT, ROOT / "tests", Path(__file__).parent
     path = os.pathsep.join(map(str, folders))
     environment = {**os.environ, "TF_OPS_INSTRUCTIONS": instructions, "PYTHONPATH": path}
@@ -171,6 +174,20 @@ def test_all_instruction_sets_agree_to_the_bit(instructions, tmp_path):
     for kind in reference.KINDS:
         for name, value in pyramid(reference.cloud(kind, 2, POINTS)).items():
             np.testing.assert_array_equal(found[kind + name], value, err_msg=f"{kind} {name}")
+
+
+@pytest.mark.parametrize("name", ["avx1024", "AVX2", ""])
+def test_an_unknown_instruction_set_is_named(name, monkeypatch):
+    tf_ops.load_library()
+    path = loading.library_path()
+    monkeypatch.setenv(loading.INSTRUCTIONS, "portable")
+    loading.check_instructions(path)
+    monkeypatch.setenv(loading.INSTRUCTIONS, name)
+    message = rf"TF_OPS_INSTRUCTIONS: expected one of .*portable .* have\), found '{name}'"
+    with pytest.raises(tf_ops.LibraryError, match=message):
+        loading.check_instructions(path)
+    with pytest.raises(tf_ops.LibraryError, match=message):
+        loading._load.__wrapped__(path)  # again, as in a new process
 
 
 def test_a_missing_library_names_the_command(tmp_path, monkeypatch):
@@ -234,5 +251,5 @@ def test_a_broken_library_names_the_command(tmp_path, monkeypatch):
     broken.write_bytes(b"not a library")
     broken.with_suffix(".json").write_text(json.dumps({"tensorflow": tf.__version__}))
     monkeypatch.setenv(loading.ENVIRONMENT, str(broken))
-    with pytest.raises(tf_ops.LibraryError, match="run `make clean ops`"):
+    with pytest.raises(tf_ops.LibraryError, match="run `make clean-ops && make ops`"):
         tf_ops.load_library()

@@ -1,5 +1,6 @@
 #include <cstdlib>
 #include <cstring>
+#include <string>
 
 #include "core/all_kernels.h"
 
@@ -32,6 +33,7 @@ std::vector<const Kernels*> all_kernels() {
   return found;
 }
 
+// An unknown name is refused by load_library() in loading.py, not here.
 static const Kernels& choose() {
   const std::vector<const Kernels*> found = all_kernels();
   const char* name = std::getenv("TF_OPS_INSTRUCTIONS");
@@ -47,3 +49,15 @@ const Kernels& kernels() {
 }
 
 }  // namespace ptn
+
+// Names of the instruction sets to choose from, with a space between; for loading.py.
+extern "C" __attribute__((visibility("default"))) const char* ptn_instruction_sets() {
+  static const std::string names = [] {
+    std::string text;
+    for (const ptn::Kernels* set : ptn::all_kernels()) {
+      text += (text.empty() ? "" : " ") + std::string(set->name);
+    }
+    return text;
+  }();
+  return names.c_str();
+}
