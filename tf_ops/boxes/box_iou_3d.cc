@@ -51,7 +51,7 @@ class BoxIou3dOp : public tf::OpKernel {
                         boxes1.shape().DebugString(), " and ", boxes2.shape().DebugString()));
     const int64_t rows = rows_of(boxes1), columns = rows_of(boxes2);
     tf::TensorShape shape = boxes1.shape();
-    shape.set_dim(shape.dims() - 1, columns);
+    OP_REQUIRES_OK(context, shape.SetDimWithStatus(shape.dims() - 1, columns));
     tf::Tensor* iou;
     OP_REQUIRES_OK(context, context->allocate_output(0, shape, &iou));
     if (iou->NumElements() == 0) return;

@@ -1,5 +1,8 @@
 #include "boxes/suppress_boxes.h"
 
+#include <cmath>
+#include <new>
+
 #include "boxes/check_boxes.h"
 
 namespace ptn {
@@ -62,9 +65,16 @@ class SuppressBoxesOp : public tf::OpKernel {
     OP_REQUIRES(context, boxes.dims() == 2 && weight.shape() == tf::TensorShape({count}),
                 invalid("boxes and weight must have shapes (P, 7) and (P,), received ",
                         boxes.shape().DebugString(), " and ", weight.shape().DebugString()));
-    const auto all = read_boxes(boxes.flat<float>().data(), count);
-    const auto support = supports(all, weight.flat<float>().data(), vote_iou_);
-    const Suppressed found = suppress(all, support, nms_iou_, max_boxes_);
+    Suppressed found;
+    try {
+      const auto all = read_boxes(boxes.flat<float>().data(), count);
+      const auto support = supports(all, weight.flat<float>().data(), vote_iou_);
+      found = suppress(all, support, nms_iou_, max_boxes_);
+    } catch (const std::bad_alloc&) {  // TensorFlow would end the process
+      context->CtxFailure(absl::ResourceExhaustedError(
+          absl::StrCat("no memory to suppress ", count, " boxes, at most ", max_boxes_, " kept")));
+      return;
+    }
     const auto size = static_cast<int64_t>(found.kept.size());
     tf::Tensor *kept, *owner, *iou;
     OP_REQUIRES_OK(context, context->allocate_output(0, {size}, &kept));

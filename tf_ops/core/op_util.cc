@@ -93,6 +93,26 @@ absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t
   return absl::OkStatus();
 }
 
+absl::Status allocate(tf::OpKernelContext* context, int output,
+                      std::initializer_list<int64_t> sizes, tf::Tensor** tensor) {
+  tf::TensorShape shape;
+  TF_RETURN_IF_ERROR(tf::TensorShape::BuildTensorShape(sizes, &shape));
+  return context->allocate_output(output, shape, tensor);
+}
+
+bool has_sizes(const tf::Tensor& tensor, std::initializer_list<int64_t> sizes) {
+  const auto found = tensor.shape().dim_sizes();
+  return std::equal(found.begin(), found.end(), sizes.begin(), sizes.end());
+}
+
+bool is_grouped(const tf::Tensor& grouped, const tf::Tensor& index) {
+  if (grouped.dims() != index.dims() + 1) return false;
+  for (int d = 0; d < index.dims(); ++d) {
+    if (grouped.dim_size(d) != index.dim_size(d)) return false;
+  }
+  return true;
+}
+
 void prefer_huge_pages(tf::Tensor* output) {
 #if defined(__linux__)
   constexpr uintptr_t kHugePage = uintptr_t{2} << 20;
@@ -127,6 +147,7 @@ absl::Status grouped_shape(tf::shape_inference::InferenceContext* c) {
   tf::shape_inference::ShapeHandle points, index, out;
   TF_RETURN_IF_ERROR(c->WithRank(c->input(0), 3, &points));
   TF_RETURN_IF_ERROR(c->WithRankAtLeast(c->input(1), 2, &index));
+  TF_RETURN_IF_ERROR(c->WithRankAtMost(index, tf::TensorShape::MaxDimensions() - 1, &index));
   if (c->RankKnown(index)) {
     tf::shape_inference::DimensionHandle batch;
     TF_RETURN_IF_ERROR(c->Merge(c->Dim(points, 0), c->Dim(index, 0), &batch));
@@ -141,7 +162,10 @@ absl::Status make_grouped(tf::OpKernelContext* context, const tf::Tensor& points
                           const tf::Tensor& index, tf::Tensor** grouped) {
   TF_RETURN_IF_ERROR(check_indices(index, "index", points.dim_size(1)));
   tf::TensorShape shape = index.shape();
-  shape.AddDim(points.dim_size(2));
+  if (shape.dims() == tf::TensorShape::MaxDimensions()) {
+    return invalid("index has too many dimensions: ", shape.dims());
+  }
+  TF_RETURN_IF_ERROR(shape.AddDimWithStatus(points.dim_size(2)));
   return context->allocate_output(0, shape, grouped);
 }
 

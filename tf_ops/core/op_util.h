@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <string>
 
@@ -40,6 +41,17 @@ absl::Status check_indices(const tf::Tensor& index, const char* name, int64_t li
 
 // points (B, N, C) has N > 0, unless the output has no elements (`wanted` is 0).
 absl::Status check_not_empty(const tf::Tensor& points, const char* name, int64_t wanted);
+
+// Allocates an output; InvalidArgument if no tensor can have these sizes. (TensorFlow's own
+// function takes a shape, and making one of sizes whose product overflows ends the process.)
+absl::Status allocate(tf::OpKernelContext* context, int output,
+                      std::initializer_list<int64_t> sizes, tf::Tensor** tensor);
+
+// The tensor has these sizes, whose product may overflow.
+bool has_sizes(const tf::Tensor& tensor, std::initializer_list<int64_t> sizes);
+
+// grouped (B, ..., C) has the sizes of index (B, ...), and one more.
+bool is_grouped(const tf::Tensor& grouped, const tf::Tensor& index);
 
 // Advises huge pages for a large output that is about to be written for the first time: page faults
 // of small pages are most of the cost of such an output.

@@ -59,10 +59,9 @@ class GroupDifferenceOp : public tf::OpKernel {
                          const tf::Tensor& pair, const tf::Tensor& weight) {
     if (points.dims() != 3 || index.dims() != 3 || weight.dims() != 2) return false;
     const int64_t batch = points.dim_size(0), channels = points.dim_size(2);
-    tf::TensorShape pairs = index.shape();
-    pairs.AddDim(weight.dim_size(0));
-    return index.dim_size(0) == batch && weight.dim_size(1) == channels && pair.shape() == pairs &&
-           query.shape() == tf::TensorShape({batch, index.dim_size(1), channels});
+    return index.dim_size(0) == batch && weight.dim_size(1) == channels &&
+           is_grouped(pair, index) && pair.dim_size(3) == weight.dim_size(0) &&
+           has_sizes(query, {batch, index.dim_size(1), channels});
   }
 
   bool relu_;

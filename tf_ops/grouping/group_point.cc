@@ -29,15 +29,12 @@ REGISTER_OP("PointTrackNet>GroupPointGrad")
     .Input("size: int32")
     .Output("grad_points: T")
     .SetShapeFn([](InferenceContext* c) {
-      ShapeHandle size;
+      ShapeHandle grad, size;
+      TF_RETURN_IF_ERROR(c->WithRankAtLeast(c->input(0), 3, &grad));
       TF_RETURN_IF_ERROR(c->WithRank(c->input(2), 0, &size));
       DimensionHandle rows;
       TF_RETURN_IF_ERROR(c->MakeDimForScalarInput(2, &rows));
-      if (!c->RankKnown(c->input(0))) {
-        c->set_output(0, c->MakeShape({c->UnknownDim(), rows, c->UnknownDim()}));
-      } else {
-        c->set_output(0, c->MakeShape({c->Dim(c->input(0), 0), rows, c->Dim(c->input(0), -1)}));
-      }
+      c->set_output(0, c->MakeShape({c->Dim(grad, 0), rows, c->Dim(grad, -1)}));
       return absl::OkStatus();
     })
     .Doc(R"doc(
@@ -84,15 +81,13 @@ class GroupPointGradOp : public tf::OpKernel {
     OP_REQUIRES(context, tf::TensorShapeUtils::IsScalar(context->input(2).shape()),
                 invalid("size must be a scalar"));
     const int32_t rows = context->input(2).scalar<int32_t>()();
-    tf::TensorShape expected = index.shape();
-    if (grad.dims() > 0) expected.AddDim(grad.dim_size(grad.dims() - 1));
-    OP_REQUIRES(context, rows >= 0 && index.dims() >= 2 && grad.shape() == expected,
+    OP_REQUIRES(context, rows >= 0 && index.dims() >= 2 && is_grouped(grad, index),
                 invalid("grad must have shape (B, ..., C) and index (B, ...), received ",
                         grad.shape().DebugString(), " and ", index.shape().DebugString()));
     OP_REQUIRES_OK(context, check_indices(index, "index", rows));
     const int64_t batch = index.dim_size(0), channels = grad.dim_size(grad.dims() - 1);
     tf::Tensor* grad_points;
-    OP_REQUIRES_OK(context, context->allocate_output(0, {batch, rows, channels}, &grad_points));
+    OP_REQUIRES_OK(context, allocate(context, 0, {batch, rows, channels}, &grad_points));
     if (grad_points->NumElements() == 0) return;
     prefer_huge_pages(grad_points);
     const RowSizes sizes = {batch, rows, index.NumElements() / batch, channels};

@@ -34,9 +34,9 @@ class KnnPointOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, check_points(xyz2, "xyz2", xyz1.dim_size(0)));
     const int64_t batch = xyz2.dim_size(0), queries = xyz2.dim_size(1);
     tf::Tensor *dist2, *index;
-    OP_REQUIRES_OK(context, context->allocate_output(0, {batch, queries, k_}, &dist2));
-    OP_REQUIRES_OK(context, context->allocate_output(1, {batch, queries, k_}, &index));
     OP_REQUIRES_OK(context, check_not_empty(xyz1, "xyz1", batch * queries));
+    OP_REQUIRES_OK(context, allocate(context, 0, {batch, queries, k_}, &dist2));
+    OP_REQUIRES_OK(context, allocate(context, 1, {batch, queries, k_}, &index));
     if (batch * queries == 0) return;
     kernels().knn_point(clouds_of(xyz1), clouds_of(xyz2), k_, dist2->flat<float>().data(),
                         index->flat<int32_t>().data(), threads_of(context));

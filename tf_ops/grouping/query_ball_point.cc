@@ -41,9 +41,9 @@ class QueryBallPointOp : public tf::OpKernel {
     OP_REQUIRES_OK(context, check_points(xyz2, "xyz2", xyz1.dim_size(0)));
     const int64_t batch = xyz2.dim_size(0), queries = xyz2.dim_size(1);
     tf::Tensor *index, *count;
-    OP_REQUIRES_OK(context, context->allocate_output(0, {batch, queries, nsample_}, &index));
-    OP_REQUIRES_OK(context, context->allocate_output(1, {batch, queries}, &count));
     OP_REQUIRES_OK(context, check_not_empty(xyz1, "xyz1", batch * queries));
+    OP_REQUIRES_OK(context, allocate(context, 0, {batch, queries, nsample_}, &index));
+    OP_REQUIRES_OK(context, allocate(context, 1, {batch, queries}, &count));
     if (batch * queries == 0) return;
     kernels().query_ball_point(clouds_of(xyz1), clouds_of(xyz2), radius_, nsample_,
                                index->flat<int32_t>().data(), count->flat<int32_t>().data(),

@@ -85,7 +85,7 @@ class ThreeInterpolateOp : public tf::OpKernel {
     const RowSizes sizes = sizes_of(points, index);
     tf::Tensor* out;
     OP_REQUIRES_OK(context,
-                   context->allocate_output(0, {sizes.batch, sizes.entries, sizes.channels}, &out));
+                   allocate(context, 0, {sizes.batch, sizes.entries, sizes.channels}, &out));
     if (out->NumElements() == 0) return;
     prefer_huge_pages(out);
     interpolate_rows(points.flat<T>().data(), index.flat<int32_t>().data(),
@@ -106,10 +106,9 @@ class ThreeInterpolateGradOp : public tf::OpKernel {
     const tf::Tensor& grad = context->input(3);
     OP_REQUIRES_OK(context, check_inputs(points, index, weight));
     const RowSizes sizes = sizes_of(points, index);
-    const tf::TensorShape expected = {sizes.batch, sizes.entries, sizes.channels};
-    OP_REQUIRES(context, grad.shape() == expected,
-                invalid("grad must have shape ", expected.DebugString(), ", received ",
-                        grad.shape().DebugString()));
+    OP_REQUIRES(context, has_sizes(grad, {sizes.batch, sizes.entries, sizes.channels}),
+                invalid("grad must have shape [", sizes.batch, ",", sizes.entries, ",",
+                        sizes.channels, "], received ", grad.shape().DebugString()));
     tf::Tensor *grad_points, *grad_weight;
     OP_REQUIRES_OK(context, context->allocate_output(0, points.shape(), &grad_points));
     OP_REQUIRES_OK(context, context->allocate_output(1, weight.shape(), &grad_weight));

@@ -16,21 +16,24 @@ using tf::shape_inference::ShapeHandle;
       .Output("mean: float32") \
       .Output("variance: float32")
 
-#define PTN_GRADIENT(name)                           \
-  REGISTER_OP(name)                                  \
-      .Attr("epsilon: float")                        \
-      .Input("grad: float32")                        \
-      .Input("x: float32")                           \
-      .Input("gamma: float32")                       \
-      .Input("beta: float32")                        \
-      .Input("mean: float32")                        \
-      .Input("variance: float32")                    \
-      .Output("grad_x: float32")                     \
-      .Output("grad_gamma: float32")                 \
-      .Output("grad_beta: float32")                  \
-      .SetShapeFn([](InferenceContext* c) {          \
-        c->set_output(0, c->input(1));               \
-        return channel_shapes(c, c->input(1), 1, 2); \
+// rank: of x.
+#define PTN_GRADIENT(name, rank)                                \
+  REGISTER_OP(name)                                             \
+      .Attr("epsilon: float")                                   \
+      .Input("grad: float32")                                   \
+      .Input("x: float32")                                      \
+      .Input("gamma: float32")                                  \
+      .Input("beta: float32")                                   \
+      .Input("mean: float32")                                   \
+      .Input("variance: float32")                               \
+      .Output("grad_x: float32")                                \
+      .Output("grad_gamma: float32")                            \
+      .Output("grad_beta: float32")                             \
+      .SetShapeFn([](InferenceContext* c) {                     \
+        ShapeHandle x;                                          \
+        TF_RETURN_IF_ERROR(c->WithRank(c->input(1), rank, &x)); \
+        c->set_output(0, x);                                    \
+        return channel_shapes(c, x, 1, 2);                      \
       })
 
 PTN_FORWARD("PointTrackNet>BatchNormRelu")
@@ -74,10 +77,10 @@ variance: (C), biased. Both are 0 if G = 0.
 place: (G, C), the place in its group that each y comes from; ties go to the first.
 )doc");
 
-PTN_GRADIENT("PointTrackNet>BatchNormReluGrad")
+PTN_GRADIENT("PointTrackNet>BatchNormReluGrad", 2)
     .Doc("Gradient of BatchNormRelu; shapes as there, grad (R, C).");
 
-PTN_GRADIENT("PointTrackNet>BatchNormReluMaxGrad")
+PTN_GRADIENT("PointTrackNet>BatchNormReluMaxGrad", 3)
     .Input("place: int32")
     .Doc("Gradient of BatchNormReluMax; shapes as there, grad (G, C).");
 

@@ -38,8 +38,8 @@ class FarthestPointSampleOp : public tf::OpKernel {
     const tf::Tensor& xyz = context->input(0);
     OP_REQUIRES_OK(context, check_points(xyz, "xyz"));
     tf::Tensor* index;
-    OP_REQUIRES_OK(context, context->allocate_output(0, {xyz.dim_size(0), npoint_}, &index));
-    OP_REQUIRES_OK(context, check_not_empty(xyz, "xyz", index->NumElements()));
+    OP_REQUIRES_OK(context, check_not_empty(xyz, "xyz", xyz.dim_size(0)));
+    OP_REQUIRES_OK(context, allocate(context, 0, {xyz.dim_size(0), npoint_}, &index));
     kernels().farthest_point_sample(clouds_of(xyz), npoint_, index->flat<int32_t>().data(),
                                     threads_of(context));
   }
