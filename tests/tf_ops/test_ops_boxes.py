@@ -198,3 +198,7 @@ def test_suppression_errors():
         suppress_boxes(negative, ones, **limits)
     with pytest.raises(InvalidArgument, match=r"weight\[0\] is -?nan"):
         suppress_boxes(boxes, ones * np.nan, **limits)
+    for name in ("vote_iou", "nms_iou"):
+        for bad in (np.nan, np.inf):
+            with pytest.raises(InvalidArgument, match="vote_iou and nms_iou must be finite"):
+                suppress_boxes(boxes, ones, **{**limits, name: bad})

@@ -53,7 +53,8 @@ def suppress_boxes(
         iou: (K, P) float32, of the kept boxes with all.
 
     Raises:
-        InvalidArgumentError: NaN or infinity, a negative size, or a wrong shape.
+        InvalidArgumentError: NaN or infinity, in the limits too, a negative size, or a wrong shape.
+        ResourceExhaustedError: no memory.
     """
     return load_library().point_track_net_suppress_boxes(
         boxes=boxes, weight=weight, vote_iou=vote_iou, nms_iou=nms_iou, max_boxes=max_boxes

@@ -53,6 +53,9 @@ class SuppressBoxesOp : public tf::OpKernel {
   explicit SuppressBoxesOp(tf::OpKernelConstruction* context) : OpKernel(context) {
     OP_REQUIRES_OK(context, context->GetAttr("vote_iou", &vote_iou_));
     OP_REQUIRES_OK(context, context->GetAttr("nms_iou", &nms_iou_));
+    OP_REQUIRES(
+        context, std::isfinite(vote_iou_) && std::isfinite(nms_iou_),
+        invalid("vote_iou and nms_iou must be finite, received ", vote_iou_, " and ", nms_iou_));
     read_count(context, "max_boxes", &max_boxes_);
   }
 
