@@ -134,6 +134,18 @@ def test_gradients_equal_differences(op, argument):
     np.testing.assert_allclose(analytic[0], numeric[0], atol=1e-3)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("op", [batch_norm_relu, batch_norm_relu_max])
+def test_features_that_are_not_finite_pass_through(op, bad):
+    """As with TensorFlow's ops: all of the channel is NaN, no other is touched."""
+    x, gamma, beta = inputs(6, 19)
+    x[4, 7] = bad
+    y = op(x[:, None] if op is batch_norm_relu_max else x, gamma, beta, EPSILON)[0]
+    expected = plain(x, gamma, beta)[0]
+    np.testing.assert_array_equal(np.isnan(y), np.isnan(expected))
+    assert np.isnan(y).all(0).tolist() == [channel == 7 for channel in range(19)]
+
+
 def test_results_do_not_depend_on_the_run():
     x, gamma, beta = inputs(20_000, 64)
     first, second = (batch_norm_relu(x, gamma, beta, EPSILON) for _ in range(2))
@@ -169,8 +181,9 @@ def test_wrong_arguments_are_named():
     for wrong in (x, x[:, None][:, :0]):
         with pytest.raises(InvalidArgument, match=r"\(G, K, C\) with K >= 1, received"):
             batch_norm_relu_max(wrong, gamma, beta, EPSILON)
-    with pytest.raises(InvalidArgument, match="epsilon must not be negative"):
-        batch_norm_relu(x, gamma, beta, -1.0)
+    for wrong in (-1.0, 0.0, np.nan, np.inf):
+        with pytest.raises(InvalidArgument, match="epsilon must be positive and finite"):
+            batch_norm_relu(x, gamma, beta, wrong)
 
 
 def test_wrong_arguments_of_a_gradient_are_named():

@@ -97,6 +97,16 @@ def test_group_difference_matches_numpy(shape, pairs, relu):
     np.testing.assert_array_equal(found, np.maximum(expected, 0) if relu else expected)
 
 
+@pytest.mark.parametrize("channels", [1, 19])
+def test_group_difference_lets_nan_through(channels):
+    """As tf.nn.relu does."""
+    points, index, query = normal(1, 4, channels), indices(3, 1, 6, 2), normal(1, 6, channels)
+    points[0, 3], index[0, 2, 1] = np.nan, 3
+    for relu in (False, True):
+        broken = np.isnan(group_difference(points, index, query, relu=relu))
+        assert broken[0, 2, 1].all() and broken.sum() == channels
+
+
 @pytest.mark.parametrize("relu", [False, True])
 def test_group_difference_gradients(relu):
     index = np.array([[[0, 0, 2], [2, 0, 1]], [[3, 3, 3], [1, 3, 0]]], np.int32)

@@ -15,8 +15,9 @@ inline void add_pair_row(const float* __restrict weight, float pair, int64_t cha
   for (int64_t c = 0; c < channels; ++c) out[c] += pair * weight[c];
 }
 
+// NaN stays NaN.
 inline void relu_row(int64_t channels, float* out) {
-  for (int64_t c = 0; c < channels; ++c) out[c] = out[c] > 0.0F ? out[c] : 0.0F;
+  for (int64_t c = 0; c < channels; ++c) out[c] = 0.0F > out[c] ? 0.0F : out[c];
 }
 
 // out (batch, queries, neighbours, channels); see GroupDifference in kernels.h.

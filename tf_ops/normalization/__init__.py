@@ -18,14 +18,14 @@ def batch_norm_relu(
         x: (R, C) float32.
         gamma: (C,) float32.
         beta: (C,) float32.
-        epsilon: added to the variance.
+        epsilon: added to the variance, > 0.
 
     Returns:
         y (R, C), differentiable for x, gamma and beta; mean (C,) and biased variance (C,) of the
         rows of x, not differentiable, 0 if R = 0.
 
     Raises:
-        InvalidArgumentError: a wrong shape.
+        InvalidArgumentError: a wrong shape, or epsilon <= 0.
     """
     return load_library().point_track_net_batch_norm_relu(
         x=x, gamma=gamma, beta=beta, epsilon=epsilon
@@ -44,14 +44,14 @@ def batch_norm_relu_max(
         x: (G, K, C) float32, K >= 1.
         gamma: (C,) float32.
         beta: (C,) float32.
-        epsilon: added to the variance.
+        epsilon: added to the variance, > 0.
 
     Returns:
         y (G, C), differentiable for x, gamma and beta; mean (C,) and biased variance (C,) of the
         G * K rows of x, not differentiable, 0 if G = 0.
 
     Raises:
-        InvalidArgumentError: a wrong shape.
+        InvalidArgumentError: a wrong shape, or epsilon <= 0.
     """
     return load_library().point_track_net_batch_norm_relu_max(
         x=x, gamma=gamma, beta=beta, epsilon=epsilon

@@ -83,7 +83,7 @@ inline void affine_relu_row(const float* x, const float* __restrict mean,
                             int64_t channels, float* y) {
   for (int64_t c = 0; c < channels; ++c) {
     const float value = (x[c] - mean[c]) * scale[c] + shift[c];
-    y[c] = value > 0.0F ? value : 0.0F;
+    y[c] = 0.0F > value ? 0.0F : value;  // NaN stays NaN
   }
 }
 

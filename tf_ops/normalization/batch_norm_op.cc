@@ -1,5 +1,7 @@
 #include "normalization/batch_norm_op.h"
 
+#include <cmath>
+
 namespace ptn {
 
 absl::Status channel_shapes(tf::shape_inference::InferenceContext* c,
@@ -12,7 +14,8 @@ absl::Status channel_shapes(tf::shape_inference::InferenceContext* c,
 BatchNormOp::BatchNormOp(tf::OpKernelConstruction* context, bool pooled, bool gradient)
     : OpKernel(context), pooled_(pooled), gradient_(gradient) {
   OP_REQUIRES_OK(context, context->GetAttr("epsilon", &epsilon_));
-  OP_REQUIRES(context, epsilon_ >= 0, invalid("epsilon must not be negative, is ", epsilon_));
+  OP_REQUIRES(context, epsilon_ > 0 && std::isfinite(epsilon_),
+              invalid("epsilon must be positive and finite, received ", epsilon_));
 }
 
 absl::Status BatchNormOp::check(tf::OpKernelContext* context, const tf::TensorShape& result) const {
