@@ -146,6 +146,18 @@ def test_features_that_are_not_finite_pass_through(op, bad):
     assert np.isnan(y).all(0).tolist() == [channel == 7 for channel in range(19)]
 
 
+@pytest.mark.parametrize("size", [257, 512, 60_000])
+def test_the_moments_of_large_groups(size):
+    """Groups of more rows than are summed in one float32 number."""
+    x, gamma, beta = inputs(2 * size, 3, offset=5.0)
+    x[:size] += 3.0
+    y, mean, variance = batch_norm_relu_max(x.reshape(2, size, 3), gamma, beta, EPSILON)
+    expected_mean, expected_variance, expected_y, _ = in_float64(x, gamma, beta)
+    np.testing.assert_allclose(mean, expected_mean, rtol=2e-7)
+    np.testing.assert_allclose(variance, expected_variance, rtol=5e-7)
+    np.testing.assert_allclose(y, expected_y.reshape(2, size, 3).max(1), rtol=1e-5, atol=1e-6)
+
+
 def test_results_do_not_depend_on_the_run():
     x, gamma, beta = inputs(20_000, 64)
     first, second = (batch_norm_relu(x, gamma, beta, EPSILON) for _ in range(2))

@@ -36,18 +36,24 @@ inline void join_moments(const float* block, int64_t channels, int64_t before, i
   }
 }
 
-// Mean and (biased) variance of x (rows, channels), rows >= 1, over blocks of `size` rows. In each
-// block the rows are summed, then their deviations from the block's own mean: neither a mean that
-// is large against the deviation nor an outlier costs precision.
-// sum(begin, end, total) adds the rows [begin, end) to total (channels).
+// Mean and (biased) variance of x (rows, channels), rows >= 1. Work is divided into parts of `size`
+// rows, and these into blocks of at most kBlock. In each block the rows are summed, then their
+// deviations from the block's own mean: neither a mean that is large against the deviation nor an
+// outlier costs precision. If `size` exceeds kBlock, it must divide `rows`.
+// sum(begin, end, total) adds the rows [begin, end) to total (channels), a part's in order.
 template <class Sum>
 void moments(const float* x, int64_t rows, int64_t size, int64_t channels, float* mean,
              float* variance, const Parallel& parallel, const Sum& sum) {
-  const int64_t blocks = (rows + size - 1) / size, width = 3 * channels;
+  const int64_t parts = (rows + size - 1) / size, width = 3 * channels;
+  const int64_t per_part = (size + kBlock - 1) / kBlock, blocks = parts * per_part;
+  const auto begin_of = [=](int64_t b) { return b / per_part * size + b % per_part * kBlock; };
+  const auto end_of = [=](int64_t b) {
+    return std::min(std::min(rows, (b / per_part + 1) * size), begin_of(b) + kBlock);
+  };
   std::vector<float> partial(static_cast<size_t>(blocks * width), 0.0F);
-  parallel.run(blocks, size * (1 + channels / 2), [&](int64_t first, int64_t last) {
-    for (int64_t b = first; b < last; ++b) {
-      const int64_t begin = b * size, end = std::min(rows, begin + size);
+  parallel.run(parts, size * (1 + channels / 2), [&](int64_t first, int64_t last) {
+    for (int64_t b = first * per_part; b < last * per_part; ++b) {
+      const int64_t begin = begin_of(b), end = end_of(b);
       float* center = partial.data() + b * width;
       sum(begin, end, center);
       for (int64_t c = 0; c < channels; ++c) center[c] /= static_cast<float>(end - begin);
@@ -60,8 +66,9 @@ void moments(const float* x, int64_t rows, int64_t size, int64_t channels, float
   std::vector<double> total(static_cast<size_t>(2 * channels), 0.0);
   double *mean_so_far = total.data(), *squares = total.data() + channels;
   for (int64_t b = 0; b < blocks; ++b) {
-    const int64_t count = std::min(size, rows - b * size);
-    join_moments(partial.data() + b * width, channels, b * size, count, mean_so_far, squares);
+    const int64_t begin = begin_of(b);
+    join_moments(partial.data() + b * width, channels, begin, end_of(b) - begin, mean_so_far,
+                 squares);
   }
   for (int64_t c = 0; c < channels; ++c) {
     mean[c] = static_cast<float>(mean_so_far[c]);
@@ -169,8 +176,8 @@ inline void add_extreme_row(const float* __restrict row, const float* __restrict
 inline void moments_and_extremes(const float* x, const float* sign, int64_t groups, int64_t size,
                                  int64_t channels, float* mean, float* variance, float* best,
                                  int32_t* place, const Parallel& parallel) {
-  const int64_t block = std::max<int64_t>(1, kBlock / size) * size;  // rows of whole groups
-  moments(x, groups * size, block, channels, mean, variance, parallel,
+  const int64_t part = std::max<int64_t>(1, kBlock / size) * size;  // rows of whole groups
+  moments(x, groups * size, part, channels, mean, variance, parallel,
           [=](int64_t begin, int64_t end, float* total) {
             for (int64_t r = begin; r < end; ++r) {
               const float* row = x + r * channels;
