@@ -146,6 +146,18 @@ def test_features_that_are_not_finite_pass_through(op, bad):
     assert np.isnan(y).all(0).tolist() == [channel == 7 for channel in range(19)]
 
 
+@pytest.mark.parametrize("op", [batch_norm_relu, batch_norm_relu_max])
+def test_moments_have_no_gradient(op):
+    """None rather than zeros: a loss of the moments is noticed."""
+    x, gamma, beta = (tf.constant(v) for v in inputs(6, 3))
+    x = x[:, None] if op is batch_norm_relu_max else x
+    with tf.GradientTape(persistent=True) as tape:
+        tape.watch(x)
+        y, mean, variance = op(x, gamma, beta, EPSILON)
+    assert tape.gradient(y, x) is not None
+    assert tape.gradient(mean, x) is None and tape.gradient(variance, x) is None
+
+
 @pytest.mark.parametrize("size", [257, 512, 60_000])
 def test_the_moments_of_large_groups(size):
     """Groups of more rows than are summed in one float32 number."""

@@ -27,9 +27,10 @@ def batch_norm_relu(
     Raises:
         InvalidArgumentError: a wrong shape, or epsilon <= 0.
     """
-    return load_library().point_track_net_batch_norm_relu(
+    y, mean, variance = load_library().point_track_net_batch_norm_relu(
         x=x, gamma=gamma, beta=beta, epsilon=epsilon
     )
+    return y, tf.stop_gradient(mean), tf.stop_gradient(variance)
 
 
 def batch_norm_relu_max(
@@ -53,9 +54,10 @@ def batch_norm_relu_max(
     Raises:
         InvalidArgumentError: a wrong shape, or epsilon <= 0.
     """
-    return load_library().point_track_net_batch_norm_relu_max(
+    y, mean, variance, _ = load_library().point_track_net_batch_norm_relu_max(
         x=x, gamma=gamma, beta=beta, epsilon=epsilon
-    )[:3]
+    )
+    return y, tf.stop_gradient(mean), tf.stop_gradient(variance)
 
 
 @tf.RegisterGradient("PointTrackNet>BatchNormRelu")
