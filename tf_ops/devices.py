@@ -61,9 +61,11 @@ def gather_rows(points: tf.Tensor, idx: tf.Tensor) -> tf.Tensor:
     One flat gather with int64 rows: TensorFlow does int32 arithmetic on the CPU, also where the
     features are on a GPU.
     """
+    points, idx = tf.convert_to_tensor(points), tf.convert_to_tensor(idx)
     size = tf.shape(points, tf.int64)
+    channels = size[2] if points.shape[2] is None else points.shape[2]
     first = tf.reshape(tf.range(size[0]) * size[1], [-1] + [1] * (len(idx.shape) - 1))
-    return tf.gather(tf.reshape(points, [-1, points.shape[-1]]), tf.cast(idx, tf.int64) + first)
+    return tf.gather(tf.reshape(points, [-1, channels]), tf.cast(idx, tf.int64) + first)
 
 
 def describe_device() -> str:

@@ -265,6 +265,18 @@ def test_without_the_kernels_tensorflow_gives_the_same():
     assert devices.has_gpu() == bool(tf.config.list_physical_devices("GPU"))
 
 
+@pytest.mark.parametrize("kind", [np.int32, np.int64])
+def test_without_the_kernels_rows_of_unknown_width_and_other_indices(kind):
+    points, index = normal(2, 9, 8), indices(9, 2, 5, 3).astype(kind)
+    expected = group_point(points, index.astype(np.int32))
+    with devices.without_fused_ops():
+        gather = tf.function(
+            group_point, input_signature=[tf.TensorSpec([None] * 3), tf.TensorSpec([2, 5, 3], kind)]
+        )
+        np.testing.assert_array_equal(gather(points, index), expected)
+        np.testing.assert_array_equal(group_point(points.tolist(), index.tolist()), expected)
+
+
 def test_the_placement_decides(monkeypatch):
     """With a visible GPU the CPU ops run for tensors placed on the CPU alone."""
     assert devices.fused_ops() or devices.has_gpu()
