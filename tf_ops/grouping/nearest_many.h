@@ -36,7 +36,7 @@ class ManyNearest {
  public:
   explicit ManyNearest(int32_t k)
       : k_(k),
-        enough_(k + k / 8 + kWidth),
+        enough_(int64_t{k} + k / 8 + kWidth),
         room_(divide_up(std::max<int64_t>(4 * int64_t{k}, 256), kWidth) * kWidth),
         distance_(room_ + kWidth),
         index_(room_ + kWidth),
