@@ -1,7 +1,8 @@
 """Point cloud ops for TensorFlow: sampling, grouping, interpolation, boxes. Built by `make ops`.
 
 Letters: B batch, N points, M queries or sampled points, K neighbours, C channels. Indices are
-int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz.
+int32. Squared distances are float32, computed as (dx * dx + dy * dy) + dz * dz; below 1.2e-38 they
+count as 0, since TensorFlow flushes denormal numbers.
 """
 
 from tf_ops.boxes import box_iou_3d, suppress_boxes
