@@ -46,7 +46,8 @@ def outcomes_of(
 
 def collect(frames: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> ScoredBoxes:
     """(scores, outcomes, points of the matched true boxes) of each frame -> all, best first."""
-    parts = zip(*frames, strict=True)
+    none = np.zeros(0), np.zeros(0, int), np.zeros(0, int)
+    parts = zip(none, *frames, strict=True)
     scores, outcomes, points = (np.concatenate(part) for part in parts)
     order = np.argsort(-scores, kind="stable")
     return ScoredBoxes(scores[order], outcomes[order], points[order])
@@ -68,7 +69,10 @@ def best_threshold(groups: list[tuple[ScoredBoxes, int]]) -> float:
     """The score with the largest sum over groups of (hits - false alarms) / true boxes.
 
     groups: boxes and the count of true boxes, such as those of real and of simulated scans.
+    Infinity if there are no boxes.
     """
+    if not any(len(boxes.scores) for boxes, _ in groups):
+        return np.inf
     scores = np.concatenate([boxes.scores for boxes, _ in groups])
     gain = np.concatenate(
         [((b.outcomes == HIT) - 1.0 * (b.outcomes == FALSE_ALARM)) / total for b, total in groups]

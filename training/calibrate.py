@@ -24,6 +24,7 @@ from metrics.scored_boxes import best_threshold
 from models.boxes.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
+from training.sampling.frames import frame_list
 from training.scoring.box_candidates import CandidateFinder, drive_of
 from training.scoring.score_fit import (
     RIGHT_IOU,
@@ -84,6 +85,13 @@ def _check_exam(exam: Sequence[KittiSequence], fitted: Sequence[KittiSequence]) 
             raise InputError(f"--exam_root: expected drives that are not fitted on, {found}")
 
 
+def _check_scans(kind: str, sequences: list[KittiSequence]) -> None:
+    """Raises InputError unless a frame of the drives has a scan."""
+    if not frame_list(sequences):
+        names = ", ".join(_names(sequences))
+        raise InputError(f"--{kind}_root: expected drives with scans, found none in {names}")
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs the detector, chooses the penalty, fits, measures, writes."""
     flags = make_parser().parse_args(argv)
@@ -99,8 +107,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     opened = {kind: _open(found, seqs[kind]) for kind, found in roots.items()}
     exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []
     _check_exam(exam, [s for found in opened.values() for s in found])
-    for sequence in (s for found in (*opened.values(), exam) for s in found):
-        check_points(sequence)
+    for kind, sequences in ({**opened, "exam": exam} if exam else opened).items():
+        _check_scans(kind, sequences)
+        for sequence in sequences:
+            check_points(sequence)
     detector = load_detector(flags.weights / "detector.npz")
     finder = CandidateFinder(detector, DecodingConfig(), flags.max_points)
     domains = []

@@ -55,6 +55,18 @@ def test_threshold_at_precision():
     assert threshold_at_precision(boxes((0.9, IGNORED), (0.8, FALSE_ALARM)), 0.9) == np.inf
 
 
+def test_no_boxes_at_all():
+    """No frames, or frames without boxes: every threshold is above their scores."""
+    frame = np.zeros(0), np.zeros(0, int), np.zeros(0, int)
+    for nothing in (collect([]), collect([frame])):
+        assert [len(column) for column in nothing] == [0, 0, 0]
+        assert nothing.outcomes.dtype == nothing.truth_points.dtype == int
+        assert threshold_at_precision(nothing, 0.9) == np.inf
+        assert best_threshold([(nothing, 3)]) == np.inf
+        assert best_threshold([(nothing, 3), (boxes((0.9, HIT)), 1)]) == 0.9
+    assert best_threshold([]) == np.inf
+
+
 def test_equal_scores_are_taken_together():
     found = boxes((0.9, HIT), (0.5, HIT), (0.5, FALSE_ALARM))
     assert threshold_at_precision(found, 0.9) == 0.9

@@ -10,6 +10,7 @@ from helpers.small_weights import write_weights
 
 from common.errors import InputError
 from models.boxes.box_decoding import Clusters, Proposals
+from models.config import DecodingConfig
 from models.weights import load_networks
 from studies import box_misses
 from training import calibrate
@@ -81,6 +82,23 @@ def test_a_found_vehicle_is_no_miss():
     assert (missed["IoU"], missed["score"]) == (0.6, 0.3)
     assert box_misses.misses(frame, scores, 0.2, 50) == []
     assert len(box_misses.misses(frame, scores, 0.4, 40)) == 2
+
+
+@pytest.mark.parametrize("empty", ["real", "simulated", "exam"])
+def test_drives_without_scans_are_named(folder, empty):
+    """Of the exam they ended in a ValueError; the network does not run for any of them."""
+    for seq in (0, 1):
+        two_cars.write_sequence(folder / "empty", seq, frames=1, missing=(0,))
+    roots = dict.fromkeys(("real", "simulated"), folder / "data") | {empty: folder / "empty"}
+    words = [word for kind, root in roots.items() for word in (f"--{kind}_root", root)]
+    with pytest.raises(InputError, match=f"--{empty}_root: .* none in empty/0000, empty/0001"):
+        run(folder, *words, "--out", folder / "bad")
+
+
+def test_a_network_without_a_box_is_an_input_error(folder, monkeypatch):
+    monkeypatch.setattr(calibrate, "DecodingConfig", lambda: DecodingConfig(min_probability=1.0))
+    with pytest.raises(InputError, match="scans in which the detector proposes boxes, found none"):
+        run(folder, "--real_root", folder / "data", "--views", 1, "--out", folder / "bad")
 
 
 @pytest.mark.parametrize(
