@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sanitize/stress.h"
 
@@ -40,6 +41,7 @@ struct Found {
 };
 
 constexpr int32_t kSamples = 40, kBall = 8, kThree = 3, kFewest = 5, kMost = 33;
+constexpr float kRadius = 1.5F;
 
 Found run_all(const Kernels& set, Clouds points, Clouds queries, const Parallel& threads) {
   const size_t rows = static_cast<size_t>(queries.batch * queries.size);
@@ -56,8 +58,45 @@ Found run_all(const Kernels& set, Clouds points, Clouds queries, const Parallel&
   nearest(kFewest, &f.few, &f.few2);
   nearest(kMost, &f.many, &f.many2);
   set.farthest_point_sample(points, kSamples, f.sampled.data(), threads);
-  set.query_ball_point(points, queries, 1.5F, kBall, f.ball.data(), f.count.data(), threads);
+  set.query_ball_point(points, queries, kRadius, kBall, f.ball.data(), f.count.data(), threads);
   return f;
+}
+
+// Farthest points of each cloud, one after the other: the lowest index among ties, 0 when none is
+// left.
+void check_samples(const Found& f, Clouds points, const char* name) {
+  for (int64_t b = 0; b < points.batch; ++b) {
+    const float* cloud = points.xyz + b * points.size * 3;
+    std::vector<float> left(static_cast<size_t>(points.size),
+                            std::numeric_limits<float>::infinity());
+    int64_t farthest = 0;
+    for (int32_t s = 0; s < kSamples; ++s) {
+      expect(f.sampled[b * kSamples + s] == farthest, name, "sampling", points.size);
+      for (int64_t i = 0; i < points.size; ++i) {
+        left[i] = std::min(left[i], distance2(cloud + 3 * i, cloud + 3 * farthest));
+      }
+      farthest = std::max_element(left.begin(), left.end()) - left.begin();
+    }
+  }
+}
+
+// The first points in each ball, or the nearest, found by looking at all of them.
+void check_balls(const Found& f, Clouds points, Clouds queries, const char* name) {
+  for (int64_t row = 0; row < queries.batch * queries.size; ++row) {
+    const float* cloud = points.xyz + row / queries.size * points.size * 3;
+    std::vector<int32_t> inside;
+    int32_t nearest = 0;
+    const auto away = [=](int32_t i) { return distance2(cloud + 3 * i, queries.xyz + 3 * row); };
+    for (int32_t i = 0; i < points.size; ++i) {
+      if (away(i) < kRadius * kRadius && inside.size() < kBall) inside.push_back(i);
+      if (away(i) < away(nearest)) nearest = i;
+    }
+    const auto count = static_cast<int32_t>(inside.size());
+    expect(f.count[row] == count, name, "ball query, count", points.size);
+    inside.resize(kBall, count > 0 ? inside[0] : nearest);
+    const bool same = std::equal(inside.begin(), inside.end(), f.ball.begin() + row * kBall);
+    expect(same, name, "ball query", points.size);
+  }
 }
 
 // The nearest neighbours of each query by sorting all distances.
@@ -93,6 +132,8 @@ void clouds(const Sets& sets, uint32_t seed) {
         const auto b = cloud(batch * 37, kind, seed + 1);
         const Clouds points = {a.data(), batch, size}, queries = {b.data(), batch, 37};
         const Found first = run_all(*sets[0], points, queries, ptn::serial());
+        check_samples(first, points, sets[0]->name);
+        check_balls(first, points, queries, sets[0]->name);
         check_neighbours(first, points, queries, sets[0]->name);
         for (const Kernels* set : sets) {
           for (const int threads : {3, 70}) {  // 70: more than the leaves of a tree
