@@ -34,7 +34,8 @@ attempt("samples", lambda: tf_ops.farthest_point_sample(3, zeros((2**62, 0, 3)))
 attempt("weight", lambda: tf_ops.group_difference(
     zeros((1, 4, 0)), ints(1, 2, 3), zeros((1, 2, 0)), zeros((1, 2, 3, 0)), zeros((2**62, 0))))
 attempt("query", lambda: tf_ops.group_difference(
-    zeros((2**20, 0, 2**40)), ints(2**20, 2**40, 0), zeros((1, 2, 0))))
+    zeros((2**20, 0, 2**40)), ints(2**20, 2**40, 0), zeros((1, 2, 0)),
+    zeros((2**20, 2**40, 0, 0)), zeros((0, 2**40))))
 attempt("grad", lambda: raw.point_track_net_group_point_grad(
     grad=zeros((0, 2**62)), index=ints(4, 4), size=4))
 attempt("rows", lambda: raw.point_track_net_group_point_grad(
