@@ -29,7 +29,8 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
     """Trains to the configured number of epochs; returns the last epoch's metrics.
 
     Raises:
-        InputError: the workdir is used (or not, with resume), or its checkpoint does not fit.
+        InputError: the workdir is used (or not, with resume), its checkpoint does not fit, or the
+            file of a sample is broken.
         TrainingDivergedError: the loss became NaN or infinite.
     """
     workdir, schedule = run.workdir, run.task.schedule
@@ -50,7 +51,8 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
     metrics: dict[str, float] = history.rows[-1] if history.rows else {}
     for epoch in range(step // per_epoch, schedule.epochs):
         try:
-            means = _epoch(run, folder, batches, train_step, epoch, step)
+            with run.sample_errors.raised():
+                means = _epoch(run, folder, batches, train_step, epoch, step)
         except tf.errors.InvalidArgumentError as error:
             if NOT_FINITE not in error.message:
                 raise
@@ -58,7 +60,8 @@ def run_training(run: TrainingRun, resume: bool = False) -> dict[str, float]:
         step = (epoch + 1) * per_epoch
         if not run.chief:
             continue
-        metrics = {"epoch": epoch + 1, "step": step, **means, **validate(run)}
+        with run.sample_errors.raised():
+            metrics = {"epoch": epoch + 1, "step": step, **means, **validate(run)}
         history.add(metrics)
         history.plot(workdir / "curves.png")
         board.scalars(step, metrics)

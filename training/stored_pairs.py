@@ -15,7 +15,7 @@ from models.config import FUSED_FEATURES
 from models.detector import Detector
 from models.tracker import TrackerInputs, all_fused_features
 from training.config import TrackerTrainingConfig
-from training.sampling.pipeline import Order, dataset, micro_batches
+from training.sampling.pipeline import Order, SampleErrors, dataset, micro_batches
 from training.tracker_task import KeptBatch, TrackerTask, both_frames, keep
 
 
@@ -38,8 +38,12 @@ def store_pairs(task: TrackerTask, order: Order, count: int, folder: Path) -> No
     first = next((step for step, path in enumerate(last) if not path.is_file()), steps)
     if first == steps:
         return
+    errors = SampleErrors()
     batches = dataset(
-        task.samples, task.prepare, lambda: micro_batches(order, first, steps, 0, 1, 1), size
+        errors.kept(task.samples),
+        task.prepare,
+        lambda: micro_batches(order, first, steps, 0, 1, 1),
+        size,
     )
     choices = all_fused_features(tracker)
 
@@ -48,7 +52,8 @@ def store_pairs(task: TrackerTask, order: Order, count: int, folder: Path) -> No
         outputs = task.detector(batch.inputs, training=False)
         return {name: keep(batch, outputs, choice) for name, choice in choices.items()}
 
-    with Progress(steps * size, "pairs through the detector", "pairs", initial=first * size) as bar:
+    title = "pairs through the detector"
+    with errors.raised(), Progress(steps * size, title, "pairs", initial=first * size) as bar:
         for step, batch in enumerate(batches, start=first):
             found = tf.nest.map_structure(lambda x: x.numpy(), pass_detector(batch))
             for name in FUSED_FEATURES:

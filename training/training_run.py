@@ -15,7 +15,7 @@ from common.errors import InputError
 from common.provenance import provenance
 from models import checkpoint
 from training.learning_rate import CyclicalLearningRate
-from training.sampling.pipeline import Order, make_order
+from training.sampling.pipeline import Order, SampleErrors, make_order
 from training.sampling.workers import SampleWorkers
 from training.task import TrainingTask
 
@@ -37,15 +37,16 @@ class TrainingRun:
     picture: Picture | None = None  # drawn after each epoch, for TensorBoard
 
     def __post_init__(self):
-        self.make_sample = self.task.samples
-        if self.workers:
-            self.make_sample = SampleWorkers(self.task.samples, self.workers)
+        self.sample_errors = SampleErrors()
+        self._workers = SampleWorkers(self.task.samples, self.workers) if self.workers else None
+        self.make_sample = self.sample_errors.kept(self._workers or self.task.samples)
+        self.make_validation_sample = self.sample_errors.kept(self.task.validation_samples)
         self.validation_step = tf.function(self.task.validation_step, jit_compile=False)
 
     def close(self) -> None:
         """Ends the worker processes, if there are any."""
-        if self.workers:
-            self.make_sample.close()
+        if self._workers is not None:
+            self._workers.close()
 
     @property
     def networks(self) -> dict[str, checkpoint.Variables]:

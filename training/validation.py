@@ -37,7 +37,7 @@ def _validate_items(run: TrainingRun, items: np.ndarray) -> dict[str, float]:
     size = max(n for n in range(1, 5) if count % n == 0)  # one shape of batch, no frame left out
     chosen = chosen.reshape(-1, size)
     data = dataset(
-        task.validation_samples, task.prepare, lambda: zip(chosen, chosen, strict=True), size
+        run.make_validation_sample, task.prepare, lambda: zip(chosen, chosen, strict=True), size
     )
     step = run.validation_step
     return task.validate(

@@ -1,5 +1,6 @@
 """Reads and writes the files of scans."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw
 
 SUFFIXES = (".bin", *CLOUD_PARSERS)
 """Suffixes of the files that `read_points` reads."""
+_FLAGS = re.compile(r"(; --\S+ and --\S+ of|;|:) track\.py .*")
+"""The part of an error that names flags of track.py."""
 
 
 def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np.ndarray, int]:
@@ -66,9 +69,15 @@ def _cloud(array: np.ndarray, layout: ScanLayout, path: str | Path) -> np.ndarra
 def read_scan(path: str | Path) -> np.ndarray:
     """Reads a scan in KITTI's layout; (n, 4) float32 as `read_points`, which see for errors.
 
-    Notes dropped points once for each folder.
+    Notes dropped points once for each folder. Errors name no flags: programs that read a data set
+    have none for its layout.
     """
-    points, dropped = read_points(path)
+    try:
+        points, dropped = read_points(path)
+    except InputError as error:
+        plain = InputError(_FLAGS.sub("", str(error)))
+        plain.path = error.path
+        raise plain from error
     if dropped:
         note(f"{Path(path).parent}: points that are not finite or beyond {MAX_RANGE:.0f} m dropped")
     return points

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from kitti.camera_view import in_camera_view
 from kitti.scans.point_arrays import sample_points
-from kitti.scans.scan_files import read_scan, write_scan
+from kitti.scans.scan_files import read_points, read_scan, write_scan
 
 
 def test_round_trip(tmp_path):
@@ -48,6 +48,27 @@ def test_points_without_a_return_are_dropped_with_a_note(tmp_path, capsys, value
     write_scan(tmp_path / "2.bin", np.full((5, 4), value, np.float32))
     with pytest.raises(InputError, match=r"2\.bin: expected finite points, found none among 5"):
         read_scan(tmp_path / "2.bin")
+
+
+@pytest.mark.parametrize(
+    ("dtype", "factor", "end"),
+    [
+        (np.float64, 1, r"it looks like float64 x,y,z,i"),
+        (np.float32, 1000, r"found a median range of [\d.e+]+"),
+        (np.uint8, 0, r"found 401 \(float32 x,y,z,i\)"),
+    ],
+)
+def test_a_data_set_in_another_layout_gets_no_flags_of_track_py(tmp_path, dtype, factor, end):
+    """Its programs do not have them."""
+    points = np.random.default_rng(0).uniform([3, -9, -2, 0], [40, 9, 1, 1], (100, 4))
+    points[:, :3] *= factor
+    data = points.astype(dtype).tobytes() + (b"" if factor else b"0")
+    (tmp_path / "0.bin").write_bytes(data)
+    with pytest.raises(InputError, match=r"track\.py"):
+        read_points(tmp_path / "0.bin")
+    with pytest.raises(InputError, match=rf"0\.bin: expected .*{end}$") as caught:
+        read_scan(tmp_path / "0.bin")
+    assert caught.value.path == tmp_path / "0.bin"
 
 
 def test_directory_or_missing(tmp_path):

@@ -14,6 +14,7 @@ import pytest
 import tensorflow as tf
 from helpers.network_cases import SMALL_DETECTOR
 
+from common.errors import InputError
 from kitti.sequence import open_sequences
 from training.config import AugmentationConfig, DetectorTrainingConfig, TrackerTrainingConfig
 from training.sampling.sample_sets import DetectorSamples, PairSamples
@@ -107,3 +108,13 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
     while not gone(worker) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert gone(worker)
+
+
+def test_a_killed_worker_is_an_input_error():
+    """As by the kernel, where memory is short."""
+    workers = SampleWorkers(eval, 1)
+    try:
+        with pytest.raises(InputError, match=r"was killed .out of memory.*: --resume goes on"):
+            workers("__import__('os')._exit(9)", {})
+    finally:
+        workers.close()

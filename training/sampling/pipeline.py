@@ -1,6 +1,7 @@
 """The tf.data input pipeline: frames from disk to batches with their pyramids of indices."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -109,6 +110,35 @@ def micro_batches(
             rows = slice(replica * size, (replica + 1) * size)
             positions = step * order.batch_size + np.arange(order.batch_size)
             yield indices[rows], positions[rows]
+
+
+class SampleErrors:
+    """Keeps the first exception of a sample function; TensorFlow hands on its text alone."""
+
+    def __init__(self):
+        self.first: Exception | None = None
+
+    def kept(self, make: Callable) -> Callable:
+        """The same function, whose first exception is kept."""
+
+        def call(index, position):
+            try:
+                return make(index, position)
+            except Exception as error:
+                self.first = self.first or error
+                raise
+
+        return call
+
+    @contextmanager
+    def raised(self) -> Iterator[None]:
+        """Raises the exception that was kept in place of the error that TensorFlow makes of it."""
+        try:
+            yield
+        except tf.errors.OpError as error:
+            if self.first is None:
+                raise
+            raise self.first from error
 
 
 def numpy_map(make: Callable, example, index: tf.Tensor, position: tf.Tensor):

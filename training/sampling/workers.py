@@ -3,8 +3,10 @@
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+from common.errors import InputError
 from common.processes import SPAWN, end_with_parent
 
 _samples: Callable[[int, int], Any] | None = None  # in each worker
@@ -21,8 +23,18 @@ class SampleWorkers:
         self._pool = ProcessPoolExecutor(processes, SPAWN, _begin, (samples,))
 
     def __call__(self, index: int, position: int) -> Any:
-        """The sample; may be called by several threads at once."""
-        return self._pool.submit(_make, index, position).result()
+        """The sample; may be called by several threads at once.
+
+        Raises:
+            InputError: a worker process was killed.
+        """
+        try:
+            return self._pool.submit(_make, index, position).result()
+        except BrokenProcessPool as error:
+            raise InputError(
+                "a worker process that makes samples was killed (out of memory?): "
+                "--resume goes on, perhaps with fewer --workers"
+            ) from error
 
     def close(self) -> None:
         """Ends the workers; calls that wait are cancelled."""
