@@ -11,6 +11,9 @@ from training.checkpoint_folder import CheckpointFolder
 from training.logs import History
 from training.training_run import TrainingRun
 
+OF_A_PART = ("command", "time_utc", "git_commit", "machine", "versions")
+"""Of the record of a training, what each of its parts has: the first, and those resumed."""
+
 
 def prepare_workdir(workdir: Path, resume: bool) -> None:
     """Refuses a used workdir without --resume, and --resume of an unused one."""
@@ -60,33 +63,50 @@ def keep_best(run: TrainingRun, folder: CheckpointFolder, history: History, metr
 
 
 def resume_run(run: TrainingRun, folder: CheckpointFolder) -> int:
-    """Restores the last checkpoint of the folder; 0 if none was written yet."""
+    """Restores the last checkpoint of the folder; 0 if none was written yet.
+
+    The record of the training stays that of its start; this command is added to it as "resumed".
+
+    Raises:
+        InputError: it is no training's checkpoint, or one of another configuration or other data.
+    """
     steps = folder.steps()
     if not steps:
         return 0
     path = folder.path(steps[-1])
     meta, arrays = checkpoint.load(path)
+    record = meta.get("record")
+    if not isinstance(record, dict) or meta.get("step") != steps[-1]:
+        raise InputError("not a training's checkpoint: expected its record and step", path)
     if meta["config"] != to_dict(run.task.config):
         changed = _changes(meta["config"], to_dict(run.task.config))
         raise InputError(f"was made with another configuration: {changed}", path)
     for name, value in run.task.meta.items():
         if meta.get(name) != value:
             raise InputError(f"was made with another {name}: {meta.get(name)} -> {value}", path)
-    if _sampled(meta["record"]) != _sampled(run.started):
-        raise InputError("was made with other training sequences or shares", path)
+    try:
+        before, resumed = _sampled(record), [*record.get("resumed", ())]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError("not a training's checkpoint: broken record of its data", path) from error
+    for name, sequences in _sampled(run.started).items():
+        if before[name] != sequences:
+            raise InputError(f"was made with other {name}", path)
     with run.strategy.scope():
         checkpoint.restore(path, arrays, **run.groups)
-    return int(meta["step"])
+    part = {name: run.started[name] for name in OF_A_PART}
+    run.started = {**record, "resumed": [*resumed, {"step": steps[-1], **part}]}
+    return steps[-1]
 
 
-def _sampled(record: dict) -> tuple:
-    """Numbers of the training sequences and the shares of a record; roots may differ."""
+def _sampled(record: dict) -> dict[str, list]:
+    """Numbers of the sequences and the shares of a record; roots may differ."""
     data = record.get("data") or {}
     pools = ((pool["share"], pool["sequences"]) for pool in data.get("shares", ()))
-    return (
-        _numbers(data.get("training", ())),
-        [(share, _numbers(sequences)) for share, sequences in pools],
-    )
+    return {
+        "training sequences": _numbers(data.get("training", ())),
+        "shares": [(share, _numbers(sequences)) for share, sequences in pools],
+        "validation sequences": _numbers(data.get("validation", ())),
+    }
 
 
 def _numbers(sequences) -> list[str]:

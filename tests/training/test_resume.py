@@ -1,6 +1,7 @@
 """Trainings that go on after a kill: the first steps, another detector, the last validation."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from common.errors import InputError
 from common.files import write_json
 from models import checkpoint
 from training import loop
+from training.checkpoint_folder import CheckpointFolder
+from training.run_state import resume_run, save_checkpoint
 
 
 def test_resumed_before_the_first_checkpoint_starts_from_init(tiny_data, tmp_path, monkeypatch):
@@ -83,3 +86,65 @@ def test_a_kill_in_the_last_validation_repeats_it(tiny_data, tmp_path, monkeypat
     assert "box_f1_0.5" in found
     assert (tmp_path / "checkpoints" / "best.npz").exists()
     assert len((tmp_path / "history.csv").read_text().splitlines()) == 2
+
+
+def saved(data, workdir, step: int = 1) -> tuple[CheckpointFolder, dict]:
+    """A workdir with one checkpoint of a training that was started with --init; its record."""
+    run, folder = detector_run(data, workdir, SHORT), CheckpointFolder(workdir / "checkpoints")
+    run.started["data"] |= {"init": "a.npz", "validation": ["data/0001"]}
+    run.started |= {"command": "train_det.py --init a.npz", "git_commit": "abc"}
+    save_checkpoint(run, folder, step, {"loss": 1.0})
+    return folder, run.started
+
+
+def resumed(data, workdir, validation: str = "data/0001"):
+    run = detector_run(data, workdir, SHORT)
+    run.started["data"] |= {"init": None, "validation": [validation]}
+    return run
+
+
+def test_the_record_of_the_start_stays(tiny_data, tmp_path):
+    """And names each command that resumed."""
+    folder, first = saved(tiny_data, tmp_path)
+    for step in (1, 2):
+        run = resumed(tiny_data, tmp_path, "moved/0001")
+        run.started["command"] = f"train_det.py --resume {step}"
+        assert resume_run(run, folder) == step
+        save_checkpoint(run, folder, step + 1, {"loss": 1.0})
+    record = checkpoint.load(folder.path(3))[0]["record"]
+    parts = record.pop("resumed")
+    assert record == first
+    assert [(part["step"], part["command"]) for part in parts] == [
+        (1, "train_det.py --resume 1"),
+        (2, "train_det.py --resume 2"),
+    ]
+
+
+def test_other_validation_sequences_are_refused(tiny_data, tmp_path):
+    """best.npz would compare figures of different data."""
+    folder, _ = saved(tiny_data, tmp_path)
+    with pytest.raises(InputError, match="was made with other validation sequences"):
+        resume_run(resumed(tiny_data, tmp_path, "data/0002"), folder)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"record": None},
+        {"record": []},
+        {"step": None},
+        {"step": 7},
+        {"record": {"data": 3}},
+        {"record": {"data": {"shares": [{}]}}},
+        {"record": {"data": {"training": 5}}},
+        {"record": {"resumed": 3}},
+    ],
+    ids=str,
+)
+def test_a_checkpoint_of_no_training_is_not_resumed(tiny_data, tmp_path, change):
+    folder, _ = saved(tiny_data, tmp_path)
+    meta, arrays = checkpoint.load(folder.path(1))
+    text = json.dumps({**meta, **change}).encode()
+    np.savez(folder.path(1), meta=np.frombuffer(text, np.uint8), **arrays)
+    with pytest.raises(InputError, match=r"step-00000001.npz: not a training's checkpoint"):
+        resume_run(resumed(tiny_data, tmp_path), folder)

@@ -137,7 +137,7 @@ def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
     other = dataclasses.replace(SHORT, seed=5)
     with pytest.raises(InputError, match=r"another configuration: schedule.seed 0 -> 5"):
         loop.run_training(detector_run(tiny_data, tmp_path, other), resume=True)
-    with pytest.raises(InputError, match=r"made with other training sequences or shares"):
+    with pytest.raises(InputError, match=r"made with other training sequences"):
         loop.run_training(detector_run(tiny_data, tmp_path, SHORT, ["data/0001"]), resume=True)
     moved = detector_run(tiny_data, tmp_path, SHORT, ["elsewhere/0000"])
     assert loop.run_training(moved, resume=True) == again
