@@ -13,6 +13,9 @@ from matplotlib.figure import Figure
 from common.errors import InputError
 from common.files import atomic_path, write_text
 
+COUNTS = ("epoch", "step")
+"""Columns of every history, whole numbers; the others are metrics."""
+
 
 class History:
     """Rows of metrics, one per epoch, kept in history.csv and rewritten whole each time."""
@@ -30,10 +33,15 @@ class History:
                     {key: float(value) for key, value in row.items()}
                     for row in csv.DictReader(file)
                 ]
-        except (UnicodeDecodeError, ValueError, TypeError) as error:
+            for row in rows[:1]:
+                if not {*COUNTS} <= set(row):
+                    raise InputError(f"expected columns {' and '.join(COUNTS)}", self.path, 1)
+            if not all(row[name].is_integer() for row in rows for name in COUNTS):
+                raise ValueError(f"expected whole numbers as {' and '.join(COUNTS)}")
+        except InputError:
+            raise
+        except (UnicodeDecodeError, ValueError, TypeError, csv.Error) as error:
             raise InputError(f"not a training history ({error})", self.path) from error
-        if rows and "step" not in rows[0]:
-            raise InputError("expected a column named step", self.path, 1)
         return rows
 
     def _columns(self) -> list[str]:
@@ -46,12 +54,12 @@ class History:
         writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         for r in self.rows:
-            writer.writerow({key: f"{r.get(key, float('nan')):.6g}" for key in columns})
+            writer.writerow({key: _text(key, r.get(key, float("nan"))) for key in columns})
         write_text(self.path, text.getvalue())
 
     def plot(self, path: str | Path) -> None:
         """Draws every column over the epochs, a panel each."""
-        names = [name for name in self._columns() if name not in ("epoch", "step")]
+        names = [name for name in self._columns() if name not in COUNTS]
         columns = 4
         lines = -(-len(names) // columns)
         figure = Figure(figsize=(4 * columns, 2.6 * lines), layout="constrained")
@@ -65,6 +73,10 @@ class History:
             panel.set_visible(False)
         with atomic_path(path) as temporary:
             figure.savefig(temporary, dpi=100)
+
+
+def _text(name: str, value: float) -> str:
+    return str(int(value)) if name in COUNTS else f"{value:.6g}"
 
 
 class TensorBoard:

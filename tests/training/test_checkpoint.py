@@ -145,3 +145,23 @@ def test_a_history_that_is_none(tmp_path):
     (tmp_path / "history.csv").write_text("epoch,step\none,two\n")
     with pytest.raises(InputError, match="not a training history"):
         History(tmp_path / "history.csv", 5)
+
+
+@pytest.mark.parametrize("columns", ["epoch,loss", "step,loss"])
+def test_a_history_without_its_counts(tmp_path, columns):
+    (tmp_path / "history.csv").write_text(f"{columns}\n1,2\n")
+    with pytest.raises(InputError, match=r"history\.csv:1: expected columns epoch and step"):
+        History(tmp_path / "history.csv", 5)
+    (tmp_path / "history.csv").write_text("epoch,step\n1,nan\n")
+    with pytest.raises(InputError, match="expected whole numbers"):
+        History(tmp_path / "history.csv", 5)
+
+
+def test_a_long_training_keeps_its_history(tmp_path):
+    """A step of seven digits in six would lie after the checkpoint."""
+    History(tmp_path / "history.csv").add({"epoch": 7, "step": 1234567, "loss": 0.1234567})
+    again = History(tmp_path / "history.csv", last_step=1234567)
+    assert again.rows == [{"epoch": 7, "step": 1234567, "loss": 0.123457}]
+    again.add({"epoch": 8, "step": 1234568})
+    lines = (tmp_path / "history.csv").read_text().splitlines()
+    assert lines == ["epoch,step,loss", "7,1234567,0.123457", "8,1234568,nan"]
