@@ -133,7 +133,12 @@ def locked(path: str | Path, wait: bool = True) -> Iterator[bool]:
 
 
 def copy_folder(source: str | Path, target: str | Path) -> None:
-    """Copies the files of a folder, each atomically; other files of `target` stay."""
+    """Copies the files of a folder, each atomically; other files of `target` stay.
+
+    Files that a killed process left unfinished (`temporary_of`) are left out.
+    """
     for path in sorted(Path(source).iterdir()):
+        if temporary_of(path) is not None:
+            continue
         with atomic_path(Path(target) / path.name) as temporary:
             shutil.copyfile(path, temporary)

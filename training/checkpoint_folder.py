@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from common.files import temporary_of
 from models import checkpoint
 
 CHECKPOINTS = "checkpoints"
@@ -30,9 +31,15 @@ class CheckpointFolder:
         return self.folder / f"step-{step:08d}.npz"
 
     def save(self, step: int, meta: dict[str, Any], **groups: checkpoint.Variables) -> None:
-        """Writes the checkpoint of a step, then removes those that are not kept."""
+        """Writes the checkpoint of a step, then removes those that are not kept.
+
+        Also removes what killed processes left of unfinished checkpoints.
+        """
         checkpoint.save(self.path(step), {**meta, "step": step}, **groups)
         steps = self.steps()
         epochs = [s for s in steps if s % self.steps_per_epoch == 0]
         for old in set(steps[:-1]).difference(epochs[-self.keep :]):
             self.path(old).unlink(missing_ok=True)
+        for path in self.folder.iterdir():
+            if re.fullmatch(r"(best|step-\d+)\.npz", temporary_of(path) or ""):
+                path.unlink(missing_ok=True)

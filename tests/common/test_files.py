@@ -12,6 +12,7 @@ import pytest
 from common.errors import InputError
 from common.files import (
     atomic_path,
+    copy_folder,
     locked,
     read_bytes,
     temporary_of,
@@ -130,3 +131,11 @@ def test_temporary_files_are_known_by_their_names(tmp_path, name):
     assert temporary_of(tmp_path / name) is None
     for other in (f".{name}", f".x-short{name}", f"x-abcdefgh-{name}"):
         assert temporary_of(tmp_path / other) is None
+
+
+def test_a_copied_folder_has_no_unfinished_files(tmp_path):
+    (tmp_path / "a").mkdir()
+    for name in ("detector.npz", ".detector-abcd1234.npz", ".hidden"):
+        (tmp_path / "a" / name).write_text(name)
+    copy_folder(tmp_path / "a", tmp_path / "b")
+    assert {path.name for path in (tmp_path / "b").iterdir()} == {"detector.npz", ".hidden"}

@@ -165,3 +165,12 @@ def test_a_long_training_keeps_its_history(tmp_path):
     again.add({"epoch": 8, "step": 1234568})
     lines = (tmp_path / "history.csv").read_text().splitlines()
     assert lines == ["epoch,step,loss", "7,1234567,0.123457", "8,1234568,nan"]
+
+
+def test_a_save_removes_what_killed_ones_left(tmp_path):
+    for name in (".step-00000003-abcdefgh.npz", ".best-12345678.npz", ".other-12345678.npz"):
+        (tmp_path / name).touch()
+    (tmp_path / "best.npz").touch()
+    CheckpointFolder(tmp_path).save(4, META, model=variables())
+    left = {".other-12345678.npz", "best.npz", "step-00000004.npz"}
+    assert {path.name for path in tmp_path.iterdir()} == left
