@@ -3,7 +3,7 @@
     python -m training.recipe --workdir runs/recipe --out weights --labels KITTI --scans KITTI
 
 Every number is in training/recipe.json. Each stage is a command of this project; finished stages
-are skipped and an interrupted one resumes. Without --labels all
+are skipped and an interrupted one resumes. It runs in the project's root. Without --labels all
 traffic is the simulator's own; without --scans no real scan is used.
 """
 
@@ -23,7 +23,7 @@ from common.flags import ArgumentParser, run
 from common.provenance import ROOT, git_commit
 from common.steps import Steps
 from kitti.sequence import open_sequences
-from training.sampling.data import sequence_numbers
+from training.sampling.data import ALL, HELD_OUT, sequence_numbers
 
 RECIPE = Path(__file__).with_suffix(".json")
 RECORD = "recipe.json"  # of the workdir: command and commit of every stage begun
@@ -148,17 +148,28 @@ def make_weights(stages: list[Stage], work: Path, out: Path, allow_changes: bool
 
 
 def _check_data(values: dict[str, str]) -> None:
-    """Raises InputError where a sequence of --labels or --scans is missing, or too few validate."""
-    for seqs, root in (
-        ("label_seqs", "labels"),
-        ("scan_seqs", "scans"),
-        ("scan_val_seqs", "scans"),
-    ):
-        if root in values:
-            found = open_sequences(values[root], sequence_numbers(values[root], values[seqs]))
-            if seqs == "scan_val_seqs" and len(found) < 2:
-                expected = "expected two or more drives, over which the calibration is validated"
-                raise InputError(f"--scan_val_seqs: {expected}, found {values[seqs]}")
+    """Raises InputError where sequences of --labels or --scans are missing, too few or unusable."""
+    if "labels" in values:
+        root, text = values["labels"], values["label_seqs"]
+        labels = sequence_numbers(root, text)
+        open_sequences(root, labels)
+        if text == ALL:  # which the simulator does not take
+            raise InputError("--label_seqs: expected numbers such as 0001-0015, found all")
+        if int(HELD_OUT) not in labels or len(labels) < 2:
+            expected = f"expected {HELD_OUT}, which validates, and others to train on"
+            raise InputError(f"--label_seqs: {expected}, found {text}")
+    if "scans" in values:
+        root, text = values["scans"], values["scan_val_seqs"]
+        validated = sequence_numbers(root, text)
+        held_out = {(Path(root).resolve(), seq) for seq in validated}
+        trained = sequence_numbers(root, values["scan_seqs"], held_out)
+        open_sequences(root, [*trained, *(seq for seq in validated if seq not in trained)])
+        if len(validated) < 2:
+            expected = "expected two or more drives, over which the calibration is validated"
+            raise InputError(f"--scan_val_seqs: {expected}, found {text}")
+        both = sorted(set(trained).intersection(validated))
+        if both:
+            raise InputError(f"{both[0]:04d}: expected either in --scan_seqs or in --scan_val_seqs")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -190,6 +201,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     if flags.list:
         print("\n".join("python " + shlex.join(stage.command) for stage in stages))
         return
+    if Path.cwd() != ROOT:  # where the stages run: relative paths would name two folders
+        raise InputError(f"expected to be run in the project's root {ROOT}", Path.cwd())
     _check_data(values)
     make_weights(stages, flags.workdir, flags.out, flags.allow_changes)
 

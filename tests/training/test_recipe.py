@@ -5,12 +5,15 @@ import shlex
 from pathlib import Path
 
 import pytest
+from helpers.two_cars import write_sequence
 
 from common.errors import InputError
+from common.provenance import ROOT
 from training import calibrate, recipe
 from training.command_line import configured, parser
 from training.config import DetectorTrainingConfig, TrackerTrainingConfig
 from training.recipe import RECIPE, Stage, make_weights, stages_of
+from training.sampling.data import HELD_OUT
 
 RECIPE_VALUES = json.loads(RECIPE.read_text())
 ALL = {
@@ -146,3 +149,36 @@ def test_a_spoilt_record_is_named(tmp_path, text):
     (tmp_path / "recipe.json").write_text(text)
     with pytest.raises(InputError, match=r"recipe\.json: expected"):
         make_weights([], tmp_path, tmp_path / "out", allow_changes=True)
+
+
+def refused(words: list[str], monkeypatch, match: str) -> None:
+    monkeypatch.setattr(recipe, "make_weights", lambda *_: pytest.fail("too late"))
+    with pytest.raises(InputError, match=match):
+        recipe.main(words)
+
+
+def test_labels_need_the_validation_sequence_and_another(tmp_path, monkeypatch):
+    for seq in (0, 1, int(HELD_OUT)):
+        write_sequence(tmp_path, seq, frames=1)
+    words = ["--labels", str(tmp_path), "--label_seqs"]
+    expected = "--label_seqs: expected 0011, which validates, and others to train on, found "
+    for seqs in ("0000-0001", "0011"):
+        refused([*words, seqs], monkeypatch, expected + seqs)
+    refused([*words, "all"], monkeypatch, "--label_seqs: expected numbers such as 0001-0015")
+    begun = []
+    monkeypatch.setattr(recipe, "make_weights", lambda *values: begun.append(values))
+    recipe.main([*words, "0000,0011"])
+    assert len(begun) == 1
+    (root,) = (r for r in RECIPE_VALUES["validation"] if r.get("needs") == "labels")
+    assert root["seqs"] == HELD_OUT
+
+
+def test_scans_that_train_do_not_validate(tiny_data, monkeypatch):
+    words = ["--scans", str(tiny_data), "--scan_val_seqs", "0000,0001", "--scan_seqs"]
+    refused([*words, "0000"], monkeypatch, "0000: expected either in --scan_seqs or in --scan_val")
+    refused([*words, "all"], monkeypatch, "every labelled sequence is validated on")
+
+
+def test_another_folder_than_the_root_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused([], monkeypatch, f"{tmp_path}: expected to be run in the project's root {ROOT}")
