@@ -7,7 +7,9 @@ NAME.json, its configuration, metrics and training record for reading, and NAME_
 metrics of every epoch; training.md has them in two tables.
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,11 @@ import numpy as np
 from common.errors import InputError
 from common.files import write_bytes, write_json, write_text
 from common.flags import ArgumentParser, positive_int, run
+from common.notes import note
 from models import checkpoint
-from models.weights import load_detector, load_tracker
+from models.boxes.box_score import load_scorer
+from models.weight_files import SCORER, TRACKER
+from models.weights import load_detector, load_tracker, network_hash
 from training.checkpoint_folder import CHECKPOINTS, CheckpointFolder
 
 
@@ -43,7 +48,7 @@ def mean_network(paths: Sequence[Path], network: keras.Model) -> dict[str, Any]:
             parts.append(part)
         mean = {name: np.mean([part[name] for part in parts], axis=0) for name in parts[-1]}
         checkpoint.restore(paths[-1], mean, model=weights)
-        meta |= {"metrics": {}, "mean_of_steps": [part["step"] for part in metas]}
+        meta |= {"metrics": {}, "mean_of_steps": [part.get("step") for part in metas]}
     return meta
 
 
@@ -51,30 +56,56 @@ def export(meta: dict[str, Any], network: keras.Model, history: Path, out: Path)
     """Writes out.npz, out.json, and the history of the training where it is there."""
     checkpoint.save(out.with_suffix(".npz"), meta, model=checkpoint.named_variables(network))
     write_json(out.with_suffix(".json"), meta)
+    copy = out.with_name(f"{out.name}_history.csv")
     if history.is_file():
-        write_bytes(out.with_name(f"{out.name}_history.csv"), history.read_bytes())
+        write_bytes(copy, history.read_bytes())
+    elif copy.exists():
+        note(f"{copy}: is of the network that was here before, {history} does not exist")
 
 
-def describe(meta: dict[str, Any]) -> str:
-    """A Markdown table of a network's training record and last metrics."""
-    schedule, record = meta["config"]["schedule"], meta["record"]
-    means = meta.get("mean_of_steps", [])
-    rows = {
-        "command": f"`{record['command']}`",
-        "made": f"{record['time_utc']}, commit {record['git_commit']}",
-        "parameters": record["parameters"],
-        "steps": meta["step"],
-        **({"mean of the weights after steps": ", ".join(map(str, means))} if means else {}),
-        "batch": schedule["batch_size"],
-        "samples seen": meta["step"] * schedule["batch_size"],
-        "learning rate": f"{schedule['learning_rate_min']} to {schedule['learning_rate_max']}",
-        "started from": record["data"].get("init") or "random weights",
-        "training data": _ranges(record["data"]["training"]),
-        "validation data": _ranges(record["data"]["validation"]),
-        **{name: f"{value:.4g}" for name, value in meta["metrics"].items()},
-    }
-    lines = [f"| {meta['kind']} | |", "|---|---|"]
-    return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in rows.items()), ""])
+def history_of(path: Path) -> Path:
+    """The history beside a checkpoint: of its training's workdir, or of an exported network."""
+    if path.parent.name == CHECKPOINTS:
+        return path.parent.parent / "history.csv"
+    return path.with_name(f"{path.stem}_history.csv")
+
+
+@contextmanager
+def _of_a_training(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"not a training's checkpoint ({error!r})", path) from error
+
+
+def describe(meta: dict[str, Any], path: Path) -> str:
+    """A Markdown table of a network's training record and last metrics.
+
+    Raises:
+        InputError: the meta of this checkpoint lacks a part of them.
+    """
+    with _of_a_training(path):
+        json.dumps(meta, allow_nan=False)
+        schedule, record = meta["config"]["schedule"], meta["record"]
+        means, resumed = meta.get("mean_of_steps", []), record.get("resumed", [])
+        parts = ", ".join(f"at step {p['step']}, commit {p['git_commit']}" for p in resumed)
+        rows = {
+            "command": f"`{record['command']}`",
+            "made": f"{record['time_utc']}, commit {record['git_commit']}",
+            **({"resumed": parts} if parts else {}),
+            "parameters": record["parameters"],
+            "steps": meta["step"],
+            **({"mean of the weights after steps": ", ".join(map(str, means))} if means else {}),
+            "batch": schedule["batch_size"],
+            "samples seen": int(meta["step"]) * int(schedule["batch_size"]),
+            "learning rate": f"{schedule['learning_rate_min']} to {schedule['learning_rate_max']}",
+            "started from": record["data"].get("init") or "random weights",
+            "training data": _ranges(record["data"]["training"]),
+            "validation data": _ranges(record["data"]["validation"]),
+            **{name: f"{value:.4g}" for name, value in meta["metrics"].items()},
+        }
+        lines = [f"| {meta['kind']} | |", "|---|---|"]
+        return "\n".join([*lines, *(f"| {name} | {value} |" for name, value in rows.items()), ""])
 
 
 def _ranges(sequences: Sequence[str]) -> str:
@@ -118,6 +149,25 @@ def checkpoints_of(path: Path, epochs: int) -> list[Path]:
     return chosen
 
 
+def _check_tracker(folder: Path, detector: keras.Model) -> None:
+    """Raises InputError where the tracker in a folder of weights is of another detector."""
+    path = folder / TRACKER
+    if path.exists():
+        try:
+            load_tracker(path, detector)
+        except InputError as error:
+            raise InputError(f"{error}: give --tracker too, or another --out") from error
+
+
+def _note_scorer(folder: Path, detector: keras.Model) -> None:
+    """Notes that the scorer in a folder of weights is of another detector."""
+    if (folder / SCORER).exists():
+        try:
+            load_scorer(folder, network_hash(detector))
+        except InputError as error:
+            note(f"{error}: training.calibrate makes another")
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Checks that the networks belong together, then writes them."""
     parser = ArgumentParser(description=__doc__.split("\n")[0])
@@ -139,10 +189,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         paths = checkpoints_of(flags.tracker, flags.mean_of_epochs)
         tracker = load_tracker(paths[-1], detector)
         networks["tracker"] = (mean_network(paths, tracker), tracker, paths[-1])
+    else:
+        _check_tracker(flags.out, detector)
+    described = [describe(meta, path) for meta, _, path in networks.values()]
     for name, (meta, network, path) in networks.items():
-        export(meta, network, path.parent.parent / "history.csv", flags.out / name)
-    metas = [meta for meta, _, _ in networks.values()]
-    write_text(flags.out / "training.md", "\n".join(map(describe, metas)))
+        export(meta, network, history_of(path), flags.out / name)
+    write_text(flags.out / "training.md", "\n".join(described))
+    _note_scorer(flags.out, detector)
     print(f"written to {flags.out}")
 
 

@@ -8,6 +8,7 @@ from helpers.small_weights import write_weights
 
 from common import flags
 from models import checkpoint
+from models.boxes.box_score import BoxScorer, save_scorer
 from models.detector import Detector
 from models.weights import load_detector
 from training import export
@@ -80,3 +81,75 @@ def test_too_few_epochs_and_other_networks_are_named(tmp_path, source, capsys):
     assert run(*one) == 2
     assert "--mean_of_epochs: expected a training's workdir" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"record": None},
+        {"record": []},
+        {"record": {"command": "train"}},
+        {"metrics": None},
+        {"step": None},
+        {"config": {}},
+        {"metrics": {"loss": float("nan")}},
+    ],
+    ids=str,
+)
+def test_a_checkpoint_of_no_training_is_refused_before_anything_is_written(
+    tmp_path, source, capsys, change
+):
+    train(tmp_path / "run", source, {10: 1.0})
+    path = tmp_path / "run/checkpoints/step-00000010.npz"
+    meta, arrays = checkpoint.load(path)
+    text = json.dumps({**meta, **change}).encode()
+    np.savez(path, meta=np.frombuffer(text, np.uint8), **arrays)
+    assert run("--detector", tmp_path / "run", "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) == 1 and "step-00000010.npz: not a training's checkpoint" in error[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_resumed_training_says_so(tmp_path, source):
+    train(tmp_path / "run", source, {10: 1.0})
+    meta = checkpoint.load(tmp_path / "run/checkpoints/step-00000010.npz")[0]
+    meta["record"]["resumed"] = [{"step": 5, "git_commit": "abc"}]
+    meta["record"]["data"]["init"] = "a.npz"
+    text = export.describe(meta, source)
+    assert "| resumed | at step 5, commit abc |" in text
+    assert "| started from | a.npz |" in text
+
+
+def test_a_folder_with_the_tracker_of_another_detector_is_refused(tmp_path, source, capsys):
+    """Not with a tracker that fits: the recipe exports its detector again."""
+    train(tmp_path / "run", source, {10: 1.0, 20: 2.0})
+    tracker = source.with_name("tracker.npz")
+    out = tmp_path / "out"
+    first = ("--detector", tmp_path / "run/checkpoints/step-00000010.npz", "--out", out)
+    for _ in range(2):
+        assert run(*first) == 0
+    (out / "tracker.npz").write_bytes(tracker.read_bytes())
+    scorer = BoxScorer("another", 0.4, 0.5, ("votes",), (2.0,), (1.0,), (1.5,))
+    save_scorer(out, scorer)
+    assert run(*first) == 0
+    assert "scorer was fitted for another detector: training.calibrate" in capsys.readouterr().err
+    assert run("--detector", tmp_path / "run", "--out", out) == 2
+    error = capsys.readouterr().err
+    assert "tracker.npz: this tracker was trained on another detector: give --tracker too" in error
+    assert factors(out / "detector.npz", source) == {1.0}
+
+
+def test_the_history_is_that_of_the_network(tmp_path, source, capsys):
+    """Of the workdir, or beside an exported network; nothing else in the folders above."""
+    train(tmp_path / "run", source, {10: 1.0})
+    (tmp_path / "run/history.csv").write_text("its own")
+    (tmp_path / "history.csv").write_text("another's")
+    assert run("--detector", tmp_path / "run", "--out", tmp_path / "a") == 0
+    assert (tmp_path / "a/detector_history.csv").read_text() == "its own"
+    for out in ("b", "b", "a"):
+        assert run("--detector", tmp_path / "a/detector.npz", "--out", tmp_path / out) == 0
+        assert (tmp_path / out / "detector_history.csv").read_text() == "its own"
+    assert "before" not in capsys.readouterr().err
+    (tmp_path / "run/history.csv").unlink()
+    assert run("--detector", tmp_path / "run", "--out", tmp_path / "a") == 0
+    assert "detector_history.csv: is of the network that was here before" in capsys.readouterr().err
