@@ -23,6 +23,7 @@ from models.set_abstraction import (
     set_abstraction_indices,
 )
 from models.set_upconv import SetUpconv, neighbors_within
+from models.weight_count import check_detector
 from tf_ops.devices import on_cpu
 
 
@@ -102,6 +103,7 @@ class Detector(keras.Model):
         super().__init__(name="detector", **kwargs)
         self.config = config
         momentum, channels = config.batch_norm_momentum, POINT_FEATURES[config.point_features]
+        check_detector(config, channels)
         skips = [channels]
         self.set_abstraction = []
         for i, layer in enumerate(config.set_abstraction):

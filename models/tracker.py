@@ -21,6 +21,7 @@ from models.probability_filter import probability_filter
 from models.refinement import Refinement
 from models.set_abstraction import SetAbstraction
 from models.tracker_indices import FrameIndices, frame_indices
+from models.weight_count import check_tracker
 from tf_ops import gather_point, three_interpolate
 
 LEVELS = 4  # of the detector in Table I
@@ -113,6 +114,7 @@ class TrackingNetwork(keras.Model):
         self.fused_features = FusedFeatures(config)
         sa1, sa2 = config.set_abstraction
         channels = self.fused_features.channels(detector)
+        check_tracker(config, channels)
         self.sa1 = SetAbstraction(channels, sa1, momentum, name="sa1")
         self.sa2 = SetAbstraction(self.sa1.channels, sa2, momentum, name="sa2")
         self.association = AssociationHead(self.sa2.channels, config, name="association")

@@ -1,7 +1,8 @@
 """Loads the networks from checkpoints: configuration, weights, and their consistency."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import keras
 
@@ -14,6 +15,7 @@ from models.detector import Detector
 from models.tracker import TrackingNetwork
 from models.weight_files import network_files
 
+Network = TypeVar("Network", bound=keras.Model)
 CONFIGS = {"detector": DetectorConfig, "tracker": TrackerConfig}
 
 
@@ -28,6 +30,16 @@ def read_network(path: str | Path, kind: str) -> tuple[dict[str, Any], Any, dict
     return meta, config, {name: a for name, a in arrays.items() if name.startswith("model/")}
 
 
+def _restored(path: str | Path, arrays: dict[str, Any], make: Callable[[], Network]) -> Network:
+    """The network that `make` builds, with these arrays; errors of both name the file."""
+    try:
+        network = make()
+    except InputError as error:
+        raise InputError(str(error), path) from error
+    checkpoint.restore(path, arrays, model=checkpoint.named_variables(network))
+    return network
+
+
 def network_hash(network: keras.Model) -> str:
     """The content hash of a network's variables."""
     return checkpoint.content_hash(checkpoint.named_variables(network))
@@ -40,9 +52,7 @@ def load_detector(path: str | Path) -> Detector:
         InputError: missing, broken, of another kind, or weights that do not fit.
     """
     _, config, arrays = read_network(path, "detector")
-    detector = Detector(config)
-    checkpoint.restore(path, arrays, model=checkpoint.named_variables(detector))
-    return detector
+    return _restored(path, arrays, lambda: Detector(config))
 
 
 def load_tracker(path: str | Path, detector: Detector) -> TrackingNetwork:
@@ -54,9 +64,7 @@ def load_tracker(path: str | Path, detector: Detector) -> TrackingNetwork:
     meta, config, arrays = read_network(path, "tracker")
     if meta.get("detector_sha256") != network_hash(detector):
         raise InputError("this tracker was trained on another detector", path)
-    tracker = TrackingNetwork(detector.config, config)
-    checkpoint.restore(path, arrays, model=checkpoint.named_variables(tracker))
-    return tracker
+    return _restored(path, arrays, lambda: TrackingNetwork(detector.config, config))
 
 
 def load_networks(folder: str | Path) -> tuple[Detector, TrackingNetwork, BoxScorer | None]:
