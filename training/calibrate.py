@@ -24,6 +24,7 @@ from metrics.scored_boxes import best_threshold
 from models.boxes.box_score import save_scorer
 from models.config import DecodingConfig
 from models.weights import load_detector, network_hash
+from training.sampling.data import ALL
 from training.sampling.frames import frame_list
 from training.scoring.box_candidates import CandidateFinder, drive_of
 from training.scoring.score_fit import (
@@ -67,7 +68,7 @@ def _open(roots: Sequence[str], seqs: str | None = None) -> list[KittiSequence]:
         sequence
         for root in roots
         for sequence in open_sequences(
-            root, labelled_sequences(root) if seqs is None else parse_sequences(seqs)
+            root, labelled_sequences(root) if seqs in (None, ALL) else parse_sequences(seqs)
         )
     ]
 
@@ -101,8 +102,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         raise InputError("expected --real_root or --simulated_root")
     if flags.folds < 2:
         raise InputError(f"--folds: expected at least 2, found {flags.folds}")
-    if flags.exam_seqs and not flags.exam_root:
-        raise InputError("--exam_seqs: expected --exam_root with it")
+    for kind in ("real", "simulated", "exam"):
+        if getattr(flags, f"{kind}_seqs") and not getattr(flags, f"{kind}_root"):
+            raise InputError(f"--{kind}_seqs: expected --{kind}_root with it")
     seqs = {"real": flags.real_seqs, "simulated": flags.simulated_seqs}
     opened = {kind: _open(found, seqs[kind]) for kind, found in roots.items()}
     exam = _open([flags.exam_root], flags.exam_seqs) if flags.exam_root else []

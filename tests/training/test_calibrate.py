@@ -9,13 +9,14 @@ from helpers import two_cars
 from helpers.small_weights import write_weights
 
 from common.errors import InputError
+from kitti.sequence import open_sequences
 from models.boxes.box_decoding import Clusters, Proposals
 from models.config import DecodingConfig
 from models.weights import load_networks
 from studies import box_misses
 from training import calibrate
 from training.scoring import score_fit
-from training.scoring.box_candidates import Candidates
+from training.scoring.box_candidates import CandidateFinder, Candidates
 
 SMALL_GRID = (score_fit.Penalty(0.1, None), score_fit.Penalty(0.1, 1.0))
 
@@ -106,6 +107,11 @@ def test_a_network_without_a_box_is_an_input_error(folder, monkeypatch):
     [
         ([], "expected --real_root or --simulated_root"),
         (["--real_root", "{data}", "--exam_seqs", "0000"], "expected --exam_root"),
+        (["--real_root", "{data}", "--simulated_seqs", "0000"], "--simulated_seqs: expected --sim"),
+        (
+            ["--simulated_root", "{data}", "--real_seqs", "0000"],
+            "--real_seqs: expected --real_root",
+        ),
         (["--real_root", "{data}/none"], "none"),
         (["--real_root", "{data}", "--folds", "1"], "--folds: expected at least 2, found 1"),
         (
@@ -119,3 +125,21 @@ def test_bad_flags(folder, words, message):
     with pytest.raises(InputError, match=message):
         run(folder, *words, "--out", folder / "bad")
     assert not (folder / "bad").exists()
+
+
+def test_a_scan_without_points_in_the_view_has_no_boxes(folder, tmp_path):
+    """Its vehicles have no points, and so do not count."""
+    data = two_cars.write_sequence(tmp_path, frames=2)
+    behind = np.array([[-5, 0, -1, 0]] * 3, np.float32)
+    behind.tofile(data / "training/velodyne/0000/000001.bin")
+    detector = load_networks(folder / "weights")[0]
+    finder = CandidateFinder(detector, DecodingConfig())
+    for frames in finder.find_all(open_sequences(data, [0]), range(2)):
+        full, empty = frames
+        assert len(full.clusters.boxes) and empty.features == {}
+        assert empty.iou.shape == (2, 0) and empty.points.tolist() == [0, 0]
+        assert len(empty.scores(None)) == len(empty.ignorable) == 0
+        assert len(empty.clusters.proposals.boxes) == 0 and np.isnan(empty.foreground).all()
+        boxes = score_fit.scored(frames, [frame.scores(None) for frame in frames], 0.5)
+        assert len(boxes.scores) == len(full.clusters.boxes)
+        assert score_fit.counted_vehicles(frames) == 2

@@ -13,10 +13,10 @@ from kitti.boxes import count_points_in_boxes, points_in_boxes, project_boxes
 from kitti.iou import iou_3d
 from kitti.sequence import KittiSequence
 from metrics.kitti_rules import boxes_in_dontcare
-from models.boxes.box_decoding import Clusters, cluster
+from models.boxes.box_decoding import Clusters, Proposals, cluster
 from models.boxes.box_score import BoxScorer
 from models.boxes.cluster_features import cluster_features
-from models.config import DecodingConfig
+from models.config import DecodingConfig, DetectorConfig
 from models.detector import Detector
 from models.inference import detector_pass, sample_scan
 from tracking.assignment import greedy
@@ -84,7 +84,7 @@ class CandidateFinder:
         self._propose = detector_pass(detector, decoding.min_probability)
 
     def find(self, sequence: KittiSequence, t: int, view: int = 0) -> Candidates:
-        """Candidates of a frame with a scan.
+        """Candidates of a frame with a scan; none where no point is in the camera's view.
 
         view: chooses the sampled points with t; odd ones are mirrored left to right.
         """
@@ -93,10 +93,13 @@ class CandidateFinder:
         regions = objects.of_classes(("DontCare",)).bbox
         if view % 2:
             points, truth = MIRRORED.points(points), MIRRORED.boxes(truth)
-        rng = np.random.default_rng([view, t])
-        xyz = sample_scan(points, self.detector.config, self.max_points, rng)
-        proposals, likely, _ = self._propose(xyz)
-        clusters, likely = cluster(proposals, self.decoding), likely.numpy()
+        if len(points):
+            rng = np.random.default_rng([view, t])
+            xyz = sample_scan(points, self.detector.config, self.max_points, rng)
+            proposals, likely, _ = self._propose(xyz)
+        else:
+            xyz, proposals, likely = points[None], *_nothing(self.detector.config)
+        clusters, likely = cluster(proposals, self.decoding), np.asarray(likely)
         boxes = MIRRORED.boxes(clusters.boxes) if view % 2 else clusters.boxes
         projected = np.nan_to_num(project_boxes(boxes, sequence.calib, sequence.image_size))
         return Candidates(
@@ -121,6 +124,15 @@ class CandidateFinder:
         for job, (view, i, t) in enumerate(progress(jobs, len(jobs), "detector", "frames")):
             found[job // len(frames)].append(self.find(sequences[i], t, view))
         return found
+
+
+def _nothing(config: DetectorConfig) -> tuple[Proposals, np.ndarray]:
+    """The proposals and the foreground probability of a scan without points."""
+    none, classes = np.zeros(0, np.float32), len(config.box.classes)
+    shape = (np.zeros((0, n), np.float32) for n in (7, classes, config.fc1_width))
+    boxes, scores, features = shape
+    quality = none if config.box.quality else None
+    return Proposals(boxes, none, scores, features, quality), none
 
 
 def _means(points: np.ndarray, values: np.ndarray, boxes: np.ndarray) -> np.ndarray:
