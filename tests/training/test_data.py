@@ -151,3 +151,9 @@ def test_gaps_make_no_pairs(roots):
     assert pair_list(data.training) == [(0, 1), (0, 5)]
     frame = FrameReader(data.training, CLASSES).read(0, 4)
     assert len(frame.boxes) == 2 and len(frame.points) > 100
+
+
+def test_all_that_leaves_nothing_to_train(roots):
+    words = ("--data_root", roots[1], "--seqs", "all", "--val_data_root", roots[1])
+    with pytest.raises(InputError, match="every labelled sequence is validated on: none is left"):
+        opened(*words)

@@ -202,10 +202,17 @@ def sequence_numbers(
     text: str,
     held_out: frozenset[tuple[Path, int]] | set[tuple[Path, int]] = frozenset(),
 ) -> list[int]:
-    """The sequences that a text such as 0001-0003 names; "all": the labelled ones not held out."""
+    """The sequences that a text such as 0001-0003 names; "all": the labelled ones not held out.
+
+    Raises:
+        InputError: "all" names none.
+    """
     if text != ALL:
         return parse_sequences(text)
-    return [s for s in labelled_sequences(root) if (Path(root).resolve(), s) not in held_out]
+    found = [s for s in labelled_sequences(root) if (Path(root).resolve(), s) not in held_out]
+    if not found:
+        raise InputError("every labelled sequence is validated on: none is left to train", root)
+    return found
 
 
 def _pools(counts: Sequence[int], shares: dict[int, float]) -> list[Pool]:
