@@ -10,7 +10,7 @@ from common.config_flags import add_flags, from_flags
 from common.errors import InputError
 from common.flags import ArgumentParser, non_negative_int
 from common.notes import note
-from training.sampling.data import add_data_flags, check_objects, open_data
+from training.sampling.data import TrainingData, add_data_flags, check_objects, open_data
 
 STRATEGIES = ("one", "mirrored", "multiworker")
 MAX_WORKERS = 256
@@ -91,6 +91,7 @@ def train(flags, make_task, config, picture=None) -> int:
         picture,
     )
     check_objects(data, run.task.samples.classes)
+    note_best(data, run.task)
     replicas = strategy.num_replicas_in_sync
     check_memory(config.schedule.batch_size // replicas, run.task.samples.num_points)
     if flags.init and not CheckpointFolder(workdir / CHECKPOINTS).steps():
@@ -110,6 +111,12 @@ def train(flags, make_task, config, picture=None) -> int:
     finally:
         run.close()
     return 0
+
+
+def note_best(data: TrainingData, task) -> None:
+    """Notes that nothing will select best.npz, where the validation sequences have no sample."""
+    if data.validation and not task.validation_samples.items:
+        note("the validation sequences have no adjacent scans: there will be no best.npz")
 
 
 def check_memory(batch: int, points: int) -> None:

@@ -7,6 +7,7 @@ import tensorflow as tf
 
 from common.notes import note
 from training import validation
+from training.command_line import note_best
 from training.config import TrackerTrainingConfig
 from training.logs import History
 from training.run_state import keep_best
@@ -56,3 +57,12 @@ def test_data_roots_of_one_name_have_a_column_each(monkeypatch):
     run = SimpleNamespace(task=SimpleNamespace(validation_samples=SimpleNamespace(roots=roots)))
     monkeypatch.setattr(validation, "_validate_items", lambda _, items: {"f1": float(items[0])})
     assert validation.validate(run) == {"f1": 1.0, "a/val/f1": 0, "b/val/f1": 1, "other/f1": 2}
+
+
+def test_without_a_sample_there_is_a_note(capfd):
+    note.cache_clear()
+    data = SimpleNamespace(validation=["0011"])
+    for items in ([(0, 1)], []):
+        note_best(data, SimpleNamespace(validation_samples=SimpleNamespace(items=items)))
+    line = "note: the validation sequences have no adjacent scans: there will be no best.npz"
+    assert capfd.readouterr().err.splitlines() == [line]
