@@ -14,6 +14,11 @@ from training.sampling.data import TrainingData, add_data_flags, check_objects, 
 
 STRATEGIES = ("one", "mirrored", "multiworker")
 MAX_WORKERS = 256
+ONLY = {
+    "detector": ("pasted_objects",),
+    "tracker": ("single_scan_pairs", "hidden_vehicles"),
+}
+"""Augmentations of one of the two trainings alone."""
 BYTES_PER_POINT = 2000
 """Memory of a training step, at least: the paper's detector has 640 float32 features of a point."""
 
@@ -47,8 +52,14 @@ def _workers(text: str) -> int:
 
 
 def configured(flags, config):
-    """The configuration given by the flags; --smoke shortens it."""
+    """The configuration given by the flags; --smoke shortens it.
+
+    Raises:
+        InputError: a value that a field does not allow, or that has no effect.
+    """
     config = from_flags(config, flags)
+    if not flags.resume:  # of a training that was begun, nothing may change
+        _check_effects(config)
     if flags.smoke:
         schedule = dataclasses.replace(
             config.schedule,
@@ -58,6 +69,23 @@ def configured(flags, config):
         )
         config = dataclasses.replace(config, schedule=schedule)
     return config
+
+
+def _check_effects(config) -> None:
+    """Refuses values other than the default where nothing uses them."""
+    kind = "detector" if hasattr(config, "detector") else "tracker"
+    other = "tracker" if kind == "detector" else "detector"
+    for name in ONLY[other]:
+        default = getattr(type(config.augmentation)(), name)
+        if getattr(config.augmentation, name) != default:
+            raise InputError(
+                f"--augmentation.{name}: has no effect on the {kind}, expected {default}"
+            )
+    if kind == "tracker" and not config.tracker.fusion_keeps_features:
+        fusion = config.tracker.fusion
+        if fusion in ("concat", "none"):
+            expected = f"has no effect with --tracker.fusion {fusion}, expected true"
+            raise InputError(f"--tracker.fusion_keeps_features: {expected}")
 
 
 def train(flags, make_task, config, picture=None) -> int:
