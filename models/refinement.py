@@ -15,6 +15,9 @@ from models.tracker_indices import FrameIndices
 class Refinement(keras.layers.Layer):
     """SA3, two set upconv (FP1, FP2), one feature propagation (FP3), FC1, FC2.
 
+    The skip connection of FP1, the association features, is FlowNet3D's; the paper names that of
+    FP2 alone.
+
     Args:
         channels: of the association head's features.
         skip_channels: of the features of the tracker's SA1, the skip connection of FP2.

@@ -25,9 +25,12 @@ def paste_objects(
 ) -> LabelledFrame:
     """Pastes up to `count` objects of the bank into a frame; rng is the only source of randomness.
 
-    An object keeps its range and so its density of points: it is rotated about the sensor into a
-    random direction of the view and placed on the ground. It must not overlap labelled boxes or
-    other obstacles; its points behind nearer ones are removed, and so are the points behind it.
+    An object keeps its horizontal range and so its density of points: it is rotated about the
+    vertical axis of the level frame into a random direction of the view and placed on the ground.
+    The rays that decide what is hidden also begin at the level frame's origin, the rectified
+    camera: on KITTI 0.27 m ahead of the scanner and 0.08 m below it. An object must not overlap
+    labelled boxes or other obstacles; its points behind nearer ones are removed, and so are the
+    points behind it.
     Pasted objects get new track ids.
     """
     if not bank or not len(frame.points):
@@ -48,7 +51,7 @@ def paste_objects(
 
 
 def _turned(xyz: np.ndarray, turn: float) -> np.ndarray:
-    """(n, >= 3) turned about the sensor's vertical axis by radians."""
+    """(n, >= 3) turned about the level frame's vertical axis by radians."""
     c, s = np.cos(turn), np.sin(turn)
     turned = xyz.copy()
     turned[:, :2] = xyz[:, :2] @ np.array([[c, s], [-s, c]], xyz.dtype)
@@ -56,7 +59,7 @@ def _turned(xyz: np.ndarray, turn: float) -> np.ndarray:
 
 
 def _placed_boxes(cut: CutObject, turns: np.ndarray, ground: GroundModel) -> np.ndarray:
-    """(P, 7): the object's box turned about the sensor by each turn (P,), on the ground."""
+    """(P, 7): the object's box turned like `_turned` by each turn (P,), on the ground."""
     boxes = np.concatenate([_turned(cut.box[None], turn) for turn in turns])
     boxes[:, 6] = wrap_angle(boxes[:, 6] + turns)
     boxes[:, 2] = ground.height(boxes) + boxes[:, 5] / 2
@@ -107,7 +110,10 @@ def _pasted(frame, rays, points, box, class_index: int, edges):
 
 
 def _rays(points: np.ndarray) -> np.ndarray:
-    """(n, 3) level points -> (3, n) float32 azimuth, elevation (radians) and range (metres)."""
+    """(n, 3) level points -> (3, n) float32 azimuth, elevation (radians) and range (metres).
+
+    Seen from the level frame's origin.
+    """
     x, y, z = np.ascontiguousarray(points.T)
     flat = np.hypot(x, y)
     return np.stack([np.arctan2(y, x), np.arctan2(z, flat), np.hypot(flat, z)])
