@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 
 import keras
 import tensorflow as tf
@@ -23,15 +24,29 @@ def make_strategy(name: str) -> tf.distribute.Strategy:
         return tf.distribute.MirroredStrategy(_devices())
     try:
         config = json.loads(os.environ["TF_CONFIG"])
-        workers, task = config["cluster"]["worker"], config["task"]
+        cluster, task = config["cluster"], config["task"]
+        workers = cluster["worker"]
+        if set(cluster) != {"worker"} or not isinstance(workers, list):
+            raise KeyError("cluster")
+        if not all(map(_address, workers)):
+            raise KeyError("worker")
         if task["type"] != "worker" or not 0 <= int(task["index"]) < len(workers):
             raise KeyError("task")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
         raise InputError(
             'multiworker needs TF_CONFIG: {"cluster": {"worker": ["host:port", ...]}, '
             '"task": {"type": "worker", "index": 0}}'
         ) from error
-    return tf.distribute.MultiWorkerMirroredStrategy()
+    try:
+        return tf.distribute.MultiWorkerMirroredStrategy()
+    except tf.errors.OpError as error:  # a port that is taken, or of another machine
+        raise InputError(f"multiworker by TF_CONFIG: {error.message}") from error
+
+
+def _address(worker) -> bool:
+    """True for the text host:port."""
+    found = re.fullmatch(r"\S+:(\d{1,5})", worker)
+    return found is not None and int(found[1]) < 2**16
 
 
 def _devices() -> list[str] | None:
