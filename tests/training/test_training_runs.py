@@ -31,7 +31,7 @@ from training.config import (
     DetectorTrainingConfig,
     TrackerTrainingConfig,
 )
-from training.strategies import make_strategy
+from training.logs import History
 
 
 def start_process(*arguments, **environment) -> subprocess.Popen:
@@ -115,13 +115,16 @@ def test_two_workers_equal_one_with_the_joint_batch(tiny_data, tmp_path):
     _, second = checkpoint.load(folders[1] / "weights.npz")
     for name, array in second.items():
         np.testing.assert_array_equal(array, first[name], err_msg=name)
-    for name in second:
-        np.testing.assert_allclose(first[name], alone[name], rtol=0.05, atol=3e-3, err_msg=name)
-    losses = [
-        float((folder / "history.csv").read_text().splitlines()[1].split(",")[2])
-        for folder in (folders[0], folders[2])
-    ]
-    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+    for name in second:  # two steps move a weight by up to 6.5e-4
+        np.testing.assert_allclose(first[name], alone[name], rtol=1e-4, atol=5e-5, err_msg=name)
+    moments = [name for name in alone if name.endswith(("/momentum", "/velocity"))]
+    assert len(moments) > 20  # they are 0 at the start: sums of gradients and of their squares
+    for name in moments:
+        error = np.linalg.norm(first[name] - alone[name])
+        assert error <= 1e-3 * np.linalg.norm(alone[name]), name
+    rows = [History(folder / "history.csv", 10**6).rows[0] for folder in (folders[0], folders[2])]
+    for name in ("loss", "gradient_norm"):
+        assert rows[0][name] == pytest.approx(rows[1][name], rel=1e-3), name
 
 
 def test_a_used_workdir_is_refused_without_resume(tiny_data, tmp_path):
@@ -320,12 +323,6 @@ def test_init_starts_from_the_network_of_a_checkpoint(tiny_data, tmp_path):
     checkpoint.save(path, {"kind": "tracker", "config": {}}, **trained.networks)
     with pytest.raises(InputError, match="expected a detector checkpoint, found 'tracker'"):
         start_from(path, other)
-
-
-def test_multiworker_needs_tf_config(monkeypatch):
-    monkeypatch.delenv("TF_CONFIG", raising=False)
-    with pytest.raises(InputError, match="TF_CONFIG"):
-        make_strategy("multiworker")
 
 
 def test_defaults_are_the_papers():
