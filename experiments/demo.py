@@ -101,6 +101,9 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     network_files(config.weights)  # raises where one is missing
     for distance in config.object_shifts:
         demo.evaluation(distance)  # raises where a setting is out of range
+    from tf_ops.devices import describe_device
+
+    print(describe_device(), flush=True)
     demo.make_data()
     demo.fill_cache()
     demo.count_points()
@@ -148,13 +151,10 @@ class Demo:
 
     def fill_cache(self) -> None:
         """Runs the networks once over every scene."""
-        from tf_ops.devices import describe_device
-
         kept = [self.cached.path(scene) for scenes in self.scenes.values() for scene in scenes]
         for path in self.cached.folder.glob("*.npz"):
             if path not in kept:  # cached with other weights, data or code
                 path.unlink()
-        print(describe_device())
         for distance, scenes in self.scenes.items():
             self.cached.fill_all(scenes, f"networks, D = {distance:g} m")
 

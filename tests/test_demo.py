@@ -46,6 +46,7 @@ def test_interrupted_then_finished_then_repeated(tmp_path, weights, monkeypatch,
     assert _run(out, weights) == 0  # resumes: the networks' outputs and the data are kept
     assert {path: path.stat().st_mtime_ns for path in cached} == cached
     printed = capsys.readouterr().out
+    assert printed.startswith("device: ")
     metrics = json.loads((out / "metrics.json").read_text())
     assert list(metrics["figures"]) == ["0", "2"]
     for trackers in metrics["figures"].values():
