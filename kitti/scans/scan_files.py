@@ -1,6 +1,5 @@
 """Reads and writes the files of scans."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,16 @@ from kitti.scans.scan_layout import KITTI_LAYOUT, ScanLayout, named_columns, raw
 
 SUFFIXES = (".bin", *CLOUD_PARSERS)
 """Suffixes of the files that `read_points` reads."""
-_FLAGS = re.compile(r"(; --\S+ and --\S+ of|;|:) track\.py .*")
-"""The part of an error that names flags of track.py."""
 
 
-def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np.ndarray, int]:
+def read_points(
+    path: str | Path, layout: ScanLayout = KITTI_LAYOUT, flags: bool = True
+) -> tuple[np.ndarray, int]:
     """Reads a scan of any of `SUFFIXES`; returns its points and the number of points dropped.
 
     The points are (n, 4) float32: x, y, z (metres, frame of the scanner), and intensity, 0 where
-    the file has none; `as_points` defines the dropped points.
+    the file has none; `as_points` defines the dropped points. `flags`: errors name the flags of
+    track.py that read other layouts.
 
     Raises:
         InputError: the file cannot be read, is empty, cut off, of another format or layout, or
@@ -33,7 +33,7 @@ def read_points(path: str | Path, layout: ScanLayout = KITTI_LAYOUT) -> tuple[np
         raise InputError(f"expected a scan ending in {', '.join(SUFFIXES)}", path)
     data = read_bytes(path)
     if suffix == ".bin":
-        array = raw_points(data, layout, path)
+        array = raw_points(data, layout, path, flags)
     else:
         array = _cloud(parse_cloud(data, suffix, path), layout, path)
     try:
@@ -72,12 +72,7 @@ def read_scan(path: str | Path) -> np.ndarray:
     Notes dropped points once for each folder. Errors name no flags: programs that read a data set
     have none for its layout.
     """
-    try:
-        points, dropped = read_points(path)
-    except InputError as error:
-        plain = InputError(_FLAGS.sub("", str(error)))
-        plain.path = error.path
-        raise plain from error
+    points, dropped = read_points(path, flags=False)
     if dropped:
         note(f"{Path(path).parent}: points that are not finite or beyond {MAX_RANGE:.0f} m dropped")
     return points

@@ -96,8 +96,10 @@ def parse_columns(text: str) -> tuple[str, ...]:
     return tuple("i" if name == "intensity" else name for name in names)
 
 
-def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
+def raw_points(data: bytes, layout: ScanLayout, path: str | Path, flags: bool) -> np.ndarray:
     """The bytes of a `.bin` scan as (n, >= 3): x, y, z in metres, and an intensity if it has one.
+
+    Errors name the flags of track.py that read other layouts, if `flags`.
 
     Raises:
         InputError: not a whole number of points, or numbers that are implausible in KITTI's
@@ -120,7 +122,7 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
         way = "without the file the frame counts as one without a scan"
         raise InputError(f"expected points, found 0 bytes: {way}", path)
     if len(data) % size:
-        hint = "" if given else _hint(data)
+        hint = "" if given else _hint(data, flags)
         raise InputError(
             f"expected a positive multiple of {size} bytes, found {len(data)} "
             f"({dtype.name} {','.join(columns)}){hint}",
@@ -130,7 +132,9 @@ def raw_points(data: bytes, layout: ScanLayout, path: str | Path) -> np.ndarray:
     points = named_columns(numbers, columns, layout.scale)
     seen = "" if given else _implausible(points)
     if seen:
-        hint = "" if _SCALE in seen or _ORIGIN in seen else _hint(data)
+        hint = "" if _SCALE in seen or _ORIGIN in seen else _hint(data, flags)
+        if not flags:
+            seen = seen.partition(_SCALE)[0]
         expected = "expected float32 x,y,z in metres and an intensity"
         raise InputError(f"{expected}, found {seen}{hint}", path)
     return points
@@ -191,20 +195,23 @@ def _elsewhere(xyz: np.ndarray) -> str:
     return f"points around x = {middle[0]:.6g}, y = {middle[1]:.6g}{_ORIGIN}"
 
 
-def _hint(data: bytes) -> str:
-    """Flags of a plausible layout, for the error message."""
+def _hint(data: bytes, flags: bool) -> str:
+    """A plausible layout, for the error message, with track.py's flags for it if `flags`."""
     found = _plausible(data, _CANDIDATES)
     if not found and (size := _record_size(data)):
         fields = "numpy.save of numpy.fromfile(FILE, DTYPE) with fields x, y, z, intensity"
         return f"; it looks like records of {size} bytes of several types: {fields} is read"
     found = found or _plausible(data, _UNKNOWN)
     if not found:
-        return "; --scan_columns and --scan_dtype of track.py read other layouts"
+        return "; --scan_columns and --scan_dtype of track.py read other layouts" if flags else ""
     *_, dtype, columns = min(found)
+    looks = f"; it looks like {dtype} {columns}"
+    if not flags:
+        return looks
     reads = f"track.py reads it with --scan_columns {columns} --scan_dtype {dtype}"
     if columns.startswith("x,y,"):
         reads += f" (where y is ahead: {columns.replace('x,y,', '-y,x,', 1)})"
-    return f"; it looks like {dtype} {columns}: {reads}"
+    return f"{looks}: {reads}"
 
 
 def _record_size(data: bytes) -> int | None:
