@@ -24,8 +24,7 @@ from common.progress import Progress
 from common.provenance import ROOT
 from evaluation.detections import NetworkDetections
 from evaluation.scene import Scene
-from models.boxes.box_score import FILE_NAME as SCORER
-from models.weight_files import network_files
+from models.weight_files import SCORER, network_files
 from tracking.frame_detections import FrameDetections
 
 FORMAT = 5

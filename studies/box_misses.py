@@ -22,10 +22,9 @@ from experiments.record import data_record
 from kitti.boxes import points_in_boxes
 from kitti.seqmap import parse_sequences
 from kitti.sequence import open_sequences
-from models.boxes.box_score import FILE_NAME as SCORER
 from models.boxes.box_score import default_min_score, load_scorer
 from models.config import DecodingConfig
-from models.weight_files import DETECTOR, weights_sha256
+from models.weight_files import DETECTOR, SCORER, weights_sha256
 from models.weights import load_detector, network_hash
 from training.scoring.box_candidates import CandidateFinder, Candidates
 

@@ -36,9 +36,8 @@ from experiments.ablation.table import draw, text_of
 from experiments.evaluate_networks import end_point_errors
 from experiments.runs import write
 from kitti.seqmap import parse_sequences
-from models.boxes.box_score import FILE_NAME as SCORER
 from models.config import TrackerConfig
-from models.weight_files import DETECTOR, weights_sha256
+from models.weight_files import DETECTOR, SCORER, weights_sha256
 from training.config import AugmentationConfig, ScheduleConfig, TrackerTrainingConfig
 from training.sampling.data import TrainingData, add_data_flags, open_data
 
